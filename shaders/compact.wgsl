@@ -10,11 +10,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_
         count = rays[id.x].shaded;
     }
     let own = vec2(count, select(0u, 1u, count > 0u));
+    // Before any lane returns: all of them take part in its barriers.
     let allocated = allocate(own, lane);
     if count == 0u {
         return;
     }
     rays[id.x].first_row = allocated.x;
+    // The list of rays is in the rays themselves: stages have at most four storage buffers.
     rays[allocated.y].compacted_ray = id.x;
     var block = rays[id.x].first_block;
     var used = 1u;

@@ -21,6 +21,7 @@ fn allocate(own: vec2<u32>, lane: u32) -> vec2<u32> {
     }
     if lane == 0u {
         let all = sums[COMPACT_LANES - 1u];
+        // One addition for all lanes.
         first = vec2(atomicAdd(&counters.rows, all.x), atomicAdd(&counters.shaded_rays, all.y));
     }
     workgroupBarrier();

@@ -14,6 +14,7 @@ var<workgroup> own_colors: array<vec4<f32>, OWN_COLOR_QUADS>;
 
 // Finds the neighbors of the tile's samples, one lane per scale of a sample.
 fn find_sites(lane: u32) {
+    // Neighbors are found once for a tile and read by all lanes.
     for (var item = lane; item < ROWS * SCALES; item += LANES) {
         let r = item / SCALES;
         let s = item % SCALES;
@@ -121,7 +122,10 @@ fn compose_rays(lane: u32) {
     }
     // The sums of four components of each item, a column for each of its four rays.
     var sums: array<mat4x4<f32>, COMPONENT_ITEMS_PER_LANE>;
+    // A uniform load, as the barriers in the loop below need uniform control flow.
     let samples = workgroupUniformLoad(&starts[ROWS]);
+    // Samples ray after ray, ROWS at a time: with a sample of each ray at a time, most rows were empty after the
+    // shortest rays (docs/experiments/2026-11-26-default-in-full.md).
     for (var first = 0u; first < samples; first += ROWS) {
         if lane < ROWS {
             tile_rows[lane] = NONE;

@@ -17,6 +17,8 @@ const NONE: u32 = 0xffffffffu;
 fn product_of(item: u32, inputs: u32, output_quads: u32, first: u32) -> mat4x4<f32> {
     let o = item % output_quads;
     let q = item / output_quads;
+    // Four outputs of four rows for each pair of loads: four times as fast on lavapipe as one output at a time
+    // (docs/experiments/2026-11-22-software-vulkan.md).
     var sums = mat4x4<f32>();
     for (var i = 0u; i < inputs; i += 1u) {
         let weights = floats(first + i * output_quads + o);
@@ -44,6 +46,7 @@ fn multiply(lane: u32, inputs: u32, output_quads: u32, first: u32, bias: u32, is
             sums[i] = product_of(item, inputs, output_quads, first);
         }
     }
+    // Products are in place, so all lanes read before any writes.
     workgroupBarrier();
     for (var i = 0u; i < PRODUCT_ITEMS_PER_LANE; i += 1u) {
         let item = i * LANES + lane;
@@ -98,6 +101,7 @@ fn encode(lane: u32, first: u32, count: u32, to: u32, frequencies: u32) {
         for (var f = 0u; f < frequencies; f += 1u) {
             tile[(to + e * frequencies + f) * ROW_QUADS + q] = kept(s);
             tile[(to + (count + e) * frequencies + f) * ROW_QUADS + q] = kept(c);
+            // One sine for all frequencies; the error doubles with each (docs/numerics.md).
             let doubled = 2.0 * s * c;
             c = 1.0 - 2.0 * s * s;
             s = doubled;
@@ -107,6 +111,7 @@ fn encode(lane: u32, first: u32, count: u32, to: u32, frequencies: u32) {
 
 @compute @workgroup_size(LANES)
 fn main(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    // A dimension has at most 65 535 workgroups, so tiles continue in a second one.
     let first = (group.y * MAX_ACROSS + group.x) * ROWS;
     let count = select(atomicLoad(&counters.shaded_rays), atomicLoad(&counters.rows), DECODES_SAMPLES);
     if lane < ROWS {

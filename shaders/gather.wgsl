@@ -21,11 +21,13 @@ fn locate(s: u32, b: u32, candidate: u32, weight: f32, position: vec3<f32>, part
     let center_and_tensor = quad(candidate);
     let offset = position - bitcast<vec3<f32>>(center_and_tensor.xyz);
     let u = (offset + scene.scales[s].half_edge) * scene.scales[s].factor_cells_per_unit;
+    // A point on the upper face is in the last cell, with a fraction of 1.
     let cell = clamp(vec3<i32>(floor(u)), vec3(0), vec3<i32>(scene.scales[s].last_cell));
     let lower = vec3<u32>(cell);
     let fractions = u - vec3<f32>(cell);
     let tensor = quad(scene.scales[s].tensors + center_and_tensor.w * BLOCKS + b);
     let factors = select(tensor.xy, tensor.zw, part == APPEARANCE);
+    // BLOCKS is a constant: scenes of three vectors alone have no branch.
     if BLOCKS == 1u || scene.scales[s].has_matrices == 0u {
         let rows = factors.x + (scene.scales[s].first_row + lower) * factors.y;
         return InterpolationSite(rows, weight, fractions, factors.y);

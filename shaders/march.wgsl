@@ -39,6 +39,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             is_finished = sample == NO_SAMPLE;
             break;
         }
+        // Density in the same stage: a stage of its own would write and read every sample's neighbors, and lanes of a
+        // tile of pixels mostly meet the same tensors.
         let density = density_feature(position_of(marcher.path, sample));
         if !density.covered {
             continue;
@@ -46,6 +48,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         ray.evaluated += 1u;
         let alpha = opacity_of(softplus(density.feature + scene.density_shift) * scene.depth_scale);
         let weight = ray.transmittance * alpha;
+        // In f32, 1 − 2e-8 is 1: a plain sum loses fog entirely (docs/numerics.md).
         let change = -weight - lost;
         let after = opaque(vec2(ray.transmittance + change)).x;
         lost = (after - ray.transmittance) - change;
@@ -58,6 +61,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         ray.distances = sums_after.y;
         if weight > scene.min_weight {
             if used == SLOTS {
+                // Blocks from a pool: rays have from none to hundreds of shaded samples, so that room for the most
+                // would mostly stay empty.
                 let taken = atomicAdd(&counters.blocks, 1u) + 1u;
                 if taken > frame.blocks {
                     // The pool is full. The host reads the counter and repeats the batch in parts.
@@ -93,6 +98,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         if !was_unfinished {
             atomicAdd(&counters.unfinished, 1u);
         }
+        // The compensations are a part of the state, so that passes do not change the sums.
         ray.lost = vec3(lost, sums_lost);
         ray.next = marcher.next;
         ray.block = block;

@@ -36,6 +36,7 @@ fn find_nearest(s: u32, position: vec3<f32>) -> Nearest {
         var square = dot(offset, offset);
         var moved = candidate;
         var inserted = false;
+        // Insertion by a loop of fixed length: lanes of different counts stay together.
         for (var k = 0u; k < TOP_K; k += 1u) {
             if inserted || square < found.weights[k] {
                 let behind = found.weights[k];
@@ -49,6 +50,7 @@ fn find_nearest(s: u32, position: vec3<f32>) -> Nearest {
         }
         found.count += 1u;
     }
+    // All candidates are counted, and TOP_K is the largest of all scales.
     found.count = min(found.count, scene.scales[s].top_k);
     weigh(&found);
     return found;
@@ -65,6 +67,7 @@ fn weigh(found: ptr<function, Nearest>) {
             if IS_CLAMPED {
                 weight = 1.0 / (sqrt(square) + 1e-6);
             } else if nearest > 0.0 {
+                // Relative to the nearest: 1/d overflows beside a center.
                 weight = sqrt(nearest / square);
             } else {
                 // At a center, that tensor alone has a weight.

@@ -36,6 +36,7 @@ fn length_of(path: Path, advance: f32) -> f32 {
         return advance;
     }
     let u = path.first + advance;
+    // The parameter ends where the distance is infinite.
     let far = INNER_RADIUS * INNER_RADIUS / max(MAX_SPACING - abs(u), 1e-12);
     return path.scale * select(select(far, -far, u < 0.0), u, abs(u) <= INNER_RADIUS);
 }

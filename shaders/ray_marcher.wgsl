@@ -20,6 +20,7 @@ const NO_SAMPLE = -1.0;
 const LATER = -2.0;
 
 fn marcher_of(ray: Ray) -> RayMarcher {
+    // 1e30 and not infinity: at a face, 0 times infinity is NaN.
     let inverse = select(1.0 / ray.direction, vec3(1e30), ray.direction == vec3(0.0));
     let path = path_of(ray);
     return RayMarcher(path, inverse, ray.length, 1.0 / max_speed(path), ray.next, 0u, frame.strides);
@@ -49,6 +50,8 @@ fn advance(marcher: ptr<function, RayMarcher>) -> f32 {
         if (*marcher).strides == 0u {
             return LATER;
         }
+        // llvmpipe ends loops after 65 535 iterations without a sign
+        // (docs/experiments/2026-11-28-software-device.md).
         (*marcher).strides -= 1u;
         if (*marcher).known == 0u && HAS_GRID {
             let position = position_of((*marcher).path, sample);
@@ -59,6 +62,7 @@ fn advance(marcher: ptr<function, RayMarcher>) -> f32 {
                 span = span_along(position, (*marcher).inverse);
             }
             let margin = 0.01 * scene.step + scene.position_error;
+            // A margin, so that rounding skips no sample that counts.
             let steps = clamp((span.distance - margin) / scene.step, 0.0, 1e6);
             let alike = u32(steps) + 1u;
             if !span.occupied {

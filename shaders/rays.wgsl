@@ -27,6 +27,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if CONTRACTED {
         ray.direction = direction;
         ray.entry = -dot(frame.position, direction);
+        // From the foot, so that the samples of a ray do not depend on where on it the camera is (spec 4.9).
         ray.start = frame.position + ray.entry * direction;
         ray.scale = max(length(ray.start) / INNER_RADIUS, 1.0);
         let path = path_of(ray);

@@ -10,11 +10,13 @@ fn softplus(x: f32) -> f32 {
 
 // 1 − exp(−x) for x ≥ 0.
 fn opacity_of(x: f32) -> f32 {
+    // 1 − exp(−x) loses the digits of a small x.
     let series = x * (1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x / 120.0))));
     return select(1.0 - exp(-min(x, 80.0)), series, x < 0.1);
 }
 
 fn sigmoid(x: vec3<f32>) -> vec3<f32> {
+    // Without the clamp exp overflows, of which WGSL promises nothing.
     return 1.0 / (1.0 + exp(-clamp(x, vec3(-80.0), vec3(80.0))));
 }
 

@@ -12,7 +12,7 @@ fn scene() -> Scene {
     scenes::scene(&TrainConfig { factor_deviation: 0.8, ..scenes::config() })
 }
 
-/// Its size is not a multiple of the tile size.
+/// A camera whose picture is not a multiple of the tile size.
 fn camera() -> Camera {
     Camera { width: 45, height: 39, ..scenes::camera(42, 0.7) }
 }

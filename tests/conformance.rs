@@ -1,4 +1,4 @@
-//! The conformance suite of the format: this reader makes of each file what `expected.json` says.
+//! The conformance suite of the format: this reader makes of each file what `expected.json` records.
 #![cfg(feature = "cli")]
 
 use std::path::{Path, PathBuf};

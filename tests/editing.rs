@@ -117,7 +117,7 @@ fn a_transform_changes_frame_alone() {
     for input in [all.as_str(), "packed.strivec"] {
         let output = ["--force", "transform", input, "-o", "out", "--move=1,-2,3", "--turn", "y", "--scale", "2"];
         let message = succeed(folder.path(), &output);
-        // Warnings of sections with codes that this version does not know, which are copied all the same.
+        // Warnings of sections with codes that this version does not define, which are copied all the same.
         let is_expected = |line: &str| line.contains("newer-codes.strivec: section ") && line.contains(" is skipped: ");
         assert!(message.lines().all(is_expected), "{message}");
         assert_eq!(message.is_empty(), input == "packed.strivec");
@@ -165,7 +165,7 @@ fn a_crop_of_everything_and_a_conversion_to_the_same_copy_every_section() {
             let edited = fs::read(folder.path().join("out").join(name)).unwrap();
             let changed = changed(&fs::read(&path).unwrap(), &edited);
             if name == "newer-codes.strivec" {
-                // Sections with codes that this version does not know are left out.
+                // Sections with codes that this version does not define are left out.
                 let ancillary = [
                     "THUMBNAIL",
                     "NOTES",

@@ -1,4 +1,4 @@
-//! The programs of `examples/`, run as their first lines say. `cargo test` builds them beside the tests.
+//! The programs of `examples/`, run by their first lines. `cargo test` builds them beside the tests.
 #![cfg(feature = "toolkit")]
 
 use std::path::{Path, PathBuf};

@@ -1,4 +1,5 @@
-//! Exports: the surface is where the field says, and files read back by this project's own readers hold what was written.
+//! Exports: the surface is where the field has it, and files read back by this project's own readers hold what was
+//! written.
 #![cfg(feature = "toolkit")]
 
 mod scenes;

@@ -1,4 +1,4 @@
-//! The same photographs in each layout: cameras, splits, masks, missing pictures, and everything that can be wrong.
+//! One set of photographs in each layout: cameras, splits, masks, missing pictures, and everything that can be wrong.
 #![cfg(feature = "toolkit")]
 
 use std::fs;
@@ -16,7 +16,7 @@ use tempfile::TempDir;
 const SIZE: [u32; 2] = [24, 16];
 const PHOTOGRAPHS: usize = 10;
 
-/// Cameras around the origin: all layouts can say these.
+/// Cameras around the origin: all layouts can express these.
 fn cameras() -> Vec<Camera> {
     let place = |n: usize| {
         let angle = 0.6 * n as f64;

@@ -331,7 +331,7 @@ fn lego_is_found_without_a_hole_and_keeps_its_units() {
     assert!(f64::from(fog) < 0.25 * f64::from(empty), "{fog} of {empty} empty pixels see voxels");
 }
 
-/// As [`small_options`]: seconds.
+/// Settings of a bootstrap that takes seconds, as with [`small_options`].
 fn small_bootstrap() -> TrainConfig {
     let bootstrap =
         BootstrapOptions { steps: vec![100, 300], batch_rays: 512, resolution: 16, ..BootstrapOptions::default() };

@@ -117,7 +117,7 @@ fn a_run_with_a_sky_ends_in_the_same_file_on_any_threads_and_after_an_interrupti
     }
 }
 
-/// Settings cannot ask for both, but a scene with a sky can be trained on with settings for random backgrounds.
+/// Settings cannot contain both, but a scene with a sky can be trained on with settings for random backgrounds.
 #[test]
 fn a_sky_takes_the_place_of_random_backgrounds() {
     let transparent: Vec<View> = (views().into_iter())

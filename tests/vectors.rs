@@ -36,7 +36,7 @@ fn ball() -> Scene {
     ball_of(FactorKind::Cp)
 }
 
-/// The same with components of this kind.
+/// A ball of two scales with components of this kind, partly opaque, small as a file.
 fn ball_of(factors: FactorKind) -> Scene {
     let scale = |pitch: f64, resolution, density_rank, appearance_rank| ScaleConfig {
         whole_scene: false,
@@ -587,7 +587,7 @@ fn hostile() -> BTreeMap<String, (Vec<u8>, String)> {
 const HOSTILE_LIMITS: Limits = Limits { memory: 64 << 20 };
 
 /// The CRC-32 of a file without bytes 60 to 64. In a scene file these are the header's own checksum, with which the CRC-32
-/// of the whole file would be the same whatever the header says.
+/// of the whole file would be the same with any header.
 fn checksum(bytes: &[u8]) -> u32 {
     let mut hasher = crc32fast::Hasher::new();
     hasher.update(&bytes[..bytes.len().min(60)]);

@@ -60,7 +60,7 @@ struct Comparison<'a> {
 #[derive(Serialize)]
 struct Differences {
     file: PathBuf,
-    /// By metric; those that a view lacks are left out.
+    /// Differences by metric; metrics that a view lacks are left out.
     #[serde(flatten)]
     by_metric: BTreeMap<&'static str, PairedDifference>,
 }

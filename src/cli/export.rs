@@ -100,7 +100,7 @@ enum Kind {
 }
 
 impl Kind {
-    /// Those whose extensions name no other kind before them.
+    /// The kinds to choose from by a file's extension: those whose extensions name no other kind before them.
     const BY_EXTENSION: [Self; 4] = [Self::Mesh, Self::Occupancy, Self::Dvgo, Self::Tensorf];
 
     /// The extensions of files of this kind.
@@ -147,23 +147,23 @@ struct Report<'a> {
 #[derive(Serialize)]
 #[serde(untagged)]
 enum Contents {
-    /// Of the surface.
+    /// Contents of an exported surface.
     Surface {
         vertices: usize,
         triangles: usize,
         /// The smallest and the largest corner.
         bounds: [[f64; 3]; 2],
     },
-    /// Of the occupancy.
+    /// Contents of an exported occupancy.
     Cells {
         cells: [u32; 3],
         occupied: u64,
         /// The smallest and the largest corner.
         bounds: [[f64; 3]; 2],
     },
-    /// Of the checkpoint.
+    /// Contents of an exported checkpoint.
     Voxels { resolution: u32 },
-    /// Of the scene.
+    /// Contents of an exported scene.
     Parameters { parameters: u64 },
 }
 

@@ -45,9 +45,9 @@ pub(super) struct Info {
     shell: Option<f64>,
     /// Model units a dataset unit.
     scale: f64,
-    /// In model units.
+    /// Near and far end of rays, in model units.
     near_far: [f64; 2],
-    /// In model units.
+    /// Length of a step of the march, in model units.
     step: f64,
     background: [f32; 3],
     /// Degree of the sky, which is behind the scene instead of the background.

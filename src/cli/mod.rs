@@ -129,7 +129,7 @@ pub fn main() -> ExitCode {
 ///
 /// # Errors
 ///
-/// Those of the command; [`Error::Usage`] for arguments that it does not have.
+/// The errors of the command; [`Error::Usage`] for arguments that it does not have.
 pub fn call(arguments: &[OsString], call: &Call) -> Result<Vec<String>, Error> {
     let words = std::iter::once(OsString::from("strivec")).chain(arguments.iter().cloned());
     run_call(removed::parsed(Cli::try_parse_from(words)).map(|cli| (cli.globals, cli.command)), call, run)

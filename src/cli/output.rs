@@ -23,12 +23,12 @@ pub fn check_output(path: &Path, force: bool) -> Result<(), Error> {
 ///
 /// # Errors
 ///
-/// Those of [`check_output`]; [`Error::Io`] if the disk is full or fails, which leaves the destination unchanged.
+/// The errors of [`check_output`]; [`Error::Io`] if the disk is full or fails, which leaves the destination unchanged.
 pub fn write_atomically(path: &Path, bytes: &[u8], force: bool) -> Result<(), Error> {
     Ok(recipe::write_atomically(path, bytes, force)?)
 }
 
-/// As [`write_atomically`], for content that `write` writes part by part.
+/// Writes the file `path` like [`write_atomically`], with content that `write` writes part by part.
 pub(super) fn write_atomically_with(
     path: &Path,
     force: bool,

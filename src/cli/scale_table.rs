@@ -1,4 +1,4 @@
-//! The table that says per scale what a scene is made of.
+//! The table of what a scene is made of, a row per scale.
 
 use serde::Serialize;
 
@@ -25,7 +25,7 @@ pub(super) struct ScaleRow {
     pub(super) top_k: u32,
     /// Factors that are not zero, and appearance matrix.
     pub(super) parameters: u64,
-    /// In memory, as 32-bit floating point.
+    /// Bytes of the parameters in memory, as 32-bit floating point.
     pub(super) bytes: u64,
 }
 

@@ -37,10 +37,10 @@ pub(super) struct Session {
 }
 
 impl Session {
-    /// A flag that says to stop. The first Ctrl-C or termination signal sets it, and the second one ends the process; within
+    /// The flag to stop. The first Ctrl-C or termination signal sets it, and the second one ends the process; within
     /// another program, that program sets it.
     pub(super) fn interrupts(&self) -> Result<Arc<AtomicBool>, Error> {
-        // The process has one handler, which a command of several trainings asks for again.
+        // The process has one handler, which a command of several trainings installs again.
         static INTERRUPTED: OnceLock<Arc<AtomicBool>> = OnceLock::new();
         if let Some(interrupted) = self.interrupted.as_ref().or_else(|| INTERRUPTED.get()) {
             return Ok(Arc::clone(interrupted));

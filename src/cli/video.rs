@@ -29,7 +29,7 @@ enum Encoder {
 }
 
 impl Format {
-    /// By the extension of `file`.
+    /// The format by the extension of `file`.
     fn from_path(path: &Path) -> Result<Self, Error> {
         let is = |known: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(known));
         if is("mp4") {
@@ -152,7 +152,7 @@ impl Format {
     /// ffmpeg's settings: a format that every player supports, at a quality with hardly visible losses.
     fn settings(self) -> &'static [&'static str] {
         match self {
-            // Colors in BT.709, with the tags that say so: without tags some players assume another standard.
+            // Colors in BT.709, with the tags for it: without tags some players assume another standard.
             Self::Mp4 => &[
                 "-vf",
                 "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p",

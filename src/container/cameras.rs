@@ -17,14 +17,14 @@ use crate::geometry::{Camera, Coefficients, Distortion, Lens, Projection};
 const CAMERA_BYTES: usize = 192;
 /// The byte of a camera that holds the code of its projection.
 const PROJECTION: usize = 96;
-/// Its reserved bytes.
+/// The reserved bytes of a camera.
 const RESERVED: Range<usize> = 97..104;
 
 /// A camera that a scene was trained from, in model space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct TrainingCamera {
-    /// In model units.
+    /// Pose of the camera, in model units.
     pub pose: Pose,
     /// Focal lengths in pixels, along columns and rows.
     pub focal: [f64; 2],

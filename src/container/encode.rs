@@ -21,7 +21,7 @@ use crate::model::{Block, Factors, Form, Placement, Scale, Scene};
 pub struct EncodeOptions {
     /// How density factors are written, a scale; the last one holds for all further scales.
     pub density: Vec<FactorOptions>,
-    /// The same for appearance factors.
+    /// How appearance factors are written, a scale; the last one holds for all further scales.
     pub appearance: Vec<FactorOptions>,
     /// How matrices and decoder are written.
     pub networks: ArrayOptions,
@@ -51,9 +51,9 @@ pub struct NetworkSteps {
 pub struct Original<'a> {
     /// The whole file.
     pub bytes: &'a [u8],
-    /// Its scene.
+    /// The scene that was decoded from the file.
     pub scene: &'a Scene,
-    /// Its ancillary parts.
+    /// The ancillary parts of the file.
     pub metadata: &'a Metadata,
     /// How it stores the scene's numbers.
     pub encoding: &'a EncodeOptions,

@@ -56,7 +56,7 @@ pub enum Error {
     Corrupt {
         /// The part of the file.
         section: String,
-        /// Its bytes in the file.
+        /// The section's bytes in the file.
         range: Range<u64>,
         /// The checksum in the file.
         expected: u32,
@@ -66,7 +66,7 @@ pub enum Error {
     /// A critical section of an unknown kind.
     #[error("section {name} is unknown to this reader, and the scene cannot be read without it")]
     UnknownCritical {
-        /// Its name.
+        /// Name of the section.
         name: String,
     },
     /// A code that this version does not define, or a reserved field that is not 0.
@@ -90,7 +90,7 @@ pub enum Error {
     /// A section that every file must have.
     #[error("section {name} is missing")]
     MissingSection {
-        /// Its name and scale.
+        /// Name and scale of the section.
         name: String,
     },
     /// A number outside the limits of spec 5, which reader and writer enforce.
@@ -128,7 +128,7 @@ pub enum Error {
     Overflow {
         /// The position of the number.
         place: String,
-        /// Its value.
+        /// Value of the number.
         value: f32,
         /// The largest number of the encoding.
         largest: f32,

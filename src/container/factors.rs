@@ -188,7 +188,7 @@ pub(super) struct Chunk {
     options: ArrayOptions,
     /// \[group\] step codes, in the file's order; empty for floats.
     steps: Vec<u8>,
-    /// In the file's order.
+    /// Decoded numbers, in the file's order.
     numbers: Vec<f32>,
 }
 

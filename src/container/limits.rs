@@ -70,9 +70,9 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// The limits for a file of `length` bytes, unless the caller knows better: 512 MiB and 64 bytes for each of the file's,
-    /// but at most the default. Packed scenes take 100 to 200 MiB, and a small file that is made to
-    /// take as much as it can is still read within seconds.
+    /// The limits for a file of `length` bytes, unless the caller sets others: 512 MiB and 64 bytes for each of the
+    /// file's, but at most the default. Packed scenes take 100 to 200 MiB, and a small file that is made to take as
+    /// much as it can is still read within seconds.
     pub fn of_file(length: u64) -> Self {
         Self { memory: length.saturating_mul(64).saturating_add(512 << 20).min(Self::default().memory) }
     }

@@ -46,7 +46,7 @@ pub struct Metadata {
 /// has a code of a later version (spec 1).
 #[derive(Clone, Debug, PartialEq)]
 pub struct SkippedSection {
-    /// Its kind and scale.
+    /// Kind and scale of the section.
     pub name: String,
     /// Why it cannot be used.
     pub error: Error,
@@ -68,7 +68,7 @@ impl fmt::Display for SkippedSection {
 /// A section of a kind that this version does not define, kept as it was.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UnknownSection {
-    /// Its entry; its offset is 0.
+    /// Entry of the section in the table, with offset 0.
     pub section: Section,
     /// The bytes of its payload in the file.
     pub payload: Vec<u8>,

@@ -18,7 +18,7 @@ pub(super) fn aligned(end: u64) -> Option<u64> {
 
 /// The payload of a section, as it is in the file.
 pub(super) struct Payload<'a> {
-    /// Its entry in the table.
+    /// Entry of the section in the table.
     pub(super) section: &'a Section,
     bytes: &'a [u8],
 }
@@ -95,7 +95,8 @@ impl<'a> Body<'a> {
         self.decode_by(length, budget, unsupported)
     }
 
-    /// As [`Body::decode`]; `adaptive` decodes what is in the codec *adaptive*, and spends what it takes besides the result.
+    /// Decodes the body like [`Body::decode`]; `adaptive` decodes the codec *adaptive*, and spends the memory that it
+    /// takes besides the result.
     pub(super) fn decode_by(
         &self,
         length: u64,

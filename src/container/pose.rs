@@ -13,9 +13,9 @@ use crate::geometry::Camera;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Pose {
-    /// In model units.
+    /// Position of the camera, in model units.
     pub position: DVec3,
-    /// From the camera's axes to those of model space: a unit quaternion.
+    /// Rotation from the camera's axes to those of model space: a unit quaternion.
     pub rotation: DQuat,
 }
 

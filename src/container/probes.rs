@@ -35,15 +35,15 @@ pub struct Probes {
 /// A ray with its pixel, and a point with its density feature.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, BorrowDecode)]
 pub struct Probe {
-    /// Of the ray, in model units.
+    /// Origin of the ray, in model units.
     pub origin: [f64; 3],
-    /// Of the ray; of length 1 within 1e-6.
+    /// Direction of the ray; of length 1 within 1e-6.
     pub direction: [f64; 3],
-    /// Of the pixel, red, green, blue.
+    /// Color of the pixel: red, green, blue.
     pub color: [f64; 3],
-    /// Of the pixel: 1 − T.
+    /// Opacity of the pixel: 1 − T.
     pub opacity: f64,
-    /// Of the pixel, in model units: Σ w·t/Σ w.
+    /// Depth of the pixel, in model units: Σ w·t/Σ w.
     pub depth: f64,
     /// A point of the model, in model units.
     pub point: [f64; 3],

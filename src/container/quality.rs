@@ -13,11 +13,11 @@ use crate::digits::number;
 /// Measurements of a scene: PSNR in dB, infinite if there is no difference, `None` if not measured.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Quality {
-    /// Of this scene's pictures against those before its numbers were encoded, over all pixels.
+    /// PSNR of this scene's pictures against those before its numbers were encoded, over all pixels.
     pub encoded: Option<f64>,
     /// Mean over photographs, for this scene.
     pub test: Option<f64>,
-    /// The same for the scene before its numbers were encoded.
+    /// Mean over photographs, for the scene before its numbers were encoded.
     pub test_before: Option<f64>,
     /// \[scale\] of the pictures of scales 0 to this one against those of all scales; `None` for the last.
     pub prefixes: Vec<Option<f64>>,

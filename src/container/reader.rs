@@ -244,7 +244,7 @@ impl<S: Source> Reader<S> {
         Ok(())
     }
 
-    /// Checks that the table has the sections of as many chunks as `scale`, which is SCALE, says.
+    /// Checks that the table has the sections of as many chunks as `scale`, which is SCALE, declares.
     fn check_chunks(&self, scale: &Section, found: usize, expected: usize) -> Result<(), Error> {
         let chunk = Some(found as u32);
         let is_there = |s: &Section| s.is_at(SectionKind::Placement, scale.scale, chunk);

@@ -1,6 +1,6 @@
 //! Records: the fixed fields at the start of payloads, header and table entries (spec 2 and 3).
 //!
-//! The one module that knows bincode: fields in order, little-endian, fixed width, no padding; a sequence or a string
+//! The one module that uses bincode: fields in order, little-endian, fixed width, no padding; a sequence or a string
 //! is preceded by its length as u64. Each section's file defines its record; every record checks its own limits, both
 //! when it is read and when it is written.
 
@@ -117,13 +117,13 @@ impl<T: Encode + 'static, const MAX: u64> Encode for List<T, MAX> {
     }
 }
 
-/// Fields that follow in the record if `first` says so.
+/// Fields that follow in the record if `first` announces them.
 pub(super) struct Optional<A, B> {
     pub(super) first: A,
     pub(super) more: Option<B>,
 }
 
-/// Fields that say whether more follow.
+/// Fields that decide whether more follow.
 pub(super) trait HasMore {
     fn has_more(&self) -> bool;
 }

@@ -165,9 +165,9 @@ impl fmt::Display for SectionKind {
 /// An entry of the section table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Section {
-    /// Its kind.
+    /// Kind of the section.
     pub kind: SectionKind,
-    /// True if a reader that does not know its kind must refuse the file.
+    /// True if a reader that does not support the kind must refuse the file.
     pub critical: bool,
     /// The scale it belongs to, if any.
     pub scale: Option<u16>,
@@ -175,7 +175,7 @@ pub struct Section {
     pub chunk: Option<u32>,
     /// The encoding of its body.
     pub codec: Codec,
-    /// Where its payload begins in the file.
+    /// Offset of the payload in the file, in bytes.
     pub offset: u64,
     /// Bytes of its payload.
     pub length: u64,
@@ -281,7 +281,7 @@ impl Section {
         }
     }
 
-    /// Its bytes in a file whose table was checked, and which has the length that the table says.
+    /// The section's bytes in a file whose table was checked and whose length is that of the table.
     pub(super) fn range(&self) -> Range<usize> {
         self.offset as usize..(self.offset + self.length) as usize
     }

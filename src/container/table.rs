@@ -18,7 +18,7 @@ pub struct Contents {
     pub file_length: u64,
     /// CRC-32 of all bytes after the header.
     pub file_checksum: u32,
-    /// Its sections, in the order of the file.
+    /// Sections of the file, in its order.
     pub sections: Vec<Section>,
 }
 

@@ -9,7 +9,7 @@ use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
 use super::writer::{Place, Writer};
 
-/// A small picture. Its bytes are untrusted, and nothing says that its size is true.
+/// A small picture. Its bytes are untrusted, and its size is unchecked.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Thumbnail {
     /// The format of `file`.

@@ -18,7 +18,7 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// Of the whole scene.
+    /// The place of a section that belongs to the whole scene.
     pub(super) fn whole(kind: SectionKind) -> Self {
         Self { kind, scale: None, chunk: None }
     }
@@ -35,11 +35,11 @@ impl Place {
 /// How bodies are compressed; none that this would not make smaller.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Compression {
-    /// Not at all.
+    /// Bodies are stored as they are.
     Stored,
-    /// By zstd at this level.
+    /// Bodies are compressed by zstd at this level.
     Zstd(i32),
-    /// Those that can have the codec *adaptive* by it, others by zstd at this level.
+    /// Sections that can have the codec *adaptive* by it, others by zstd at this level.
     Best(i32),
 }
 
@@ -84,7 +84,7 @@ impl Writer {
         Ok(())
     }
 
-    /// As [`Writer::compressed`], in the codec *adaptive*, in which `body` is what `coded` returns.
+    /// Writes a section like [`Writer::compressed`], in the codec *adaptive*, in which `body` is what `coded` returns.
     pub(super) fn adaptive(
         &mut self,
         place: Place,

@@ -67,8 +67,8 @@ impl Capture {
         self.left_out.extend(missing.into_iter().map(|shot: Shot| shot.picture));
     }
 
-    /// Turns all cameras about the z axis by so many degrees, counterclockwise seen from above, and leaves out what the dataset
-    /// says of the scene's place.
+    /// Turns all cameras about the z axis by so many degrees, counterclockwise seen from above, and leaves out the dataset's
+    /// data on the scene's place.
     pub(super) fn turn(&mut self, degrees: f64) {
         let turn = DMat3::from_rotation_z(degrees.to_radians());
         for shot in self.shots.iter_mut().chain(self.depth_maps.iter_mut().map(|map| &mut map.shot)) {

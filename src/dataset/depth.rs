@@ -23,7 +23,7 @@ const LEAST_COSINE: f64 = 0.05;
 /// A depth map of a photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DepthMap {
-    /// Its file.
+    /// File of the depth map.
     pub path: PathBuf,
     pub(super) shot: Shot,
     /// Length of a depth of 1, in the dataset's units.

@@ -12,7 +12,7 @@ use crate::geometry::Aabb;
 pub struct Description {
     /// The dataset's name, which is the folder's.
     pub name: String,
-    /// Its layout.
+    /// Layout of the dataset.
     pub layout: Layout,
     /// The cameras of each split that has any.
     pub splits: Vec<(&'static str, Vec<NamedCamera>)>,
@@ -32,7 +32,7 @@ pub struct Description {
 ///
 /// # Errors
 ///
-/// As [`load_cameras`](super::load_cameras)'s.
+/// The errors of [`load_cameras`](super::load_cameras).
 pub fn describe(folder: &Path, options: &LoadOptions) -> Result<Description, Error> {
     let layout = options.layout.map_or_else(|| Layout::of(folder), Ok)?;
     let options = LoadOptions { layout: Some(layout), ..options.clone() };

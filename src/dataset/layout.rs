@@ -30,7 +30,7 @@ impl Layout {
     pub const ALL: [Self; 7] =
         [Self::Blender, Self::Transforms, Self::Colmap, Self::Nsvf, Self::ScanNet, Self::Llff, Self::Metashape];
 
-    /// Its name.
+    /// Name of the layout, as in options and messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Blender => "blender",

@@ -1,9 +1,9 @@
 //! Metashape's layout: `cameras.xml` (File > Export > Export Cameras, Agisoft XML) and `images/`.
 //!
 //! A camera's `transform` is the row-major map from the camera, in OpenCV's axes, to its chunk, whose space is the dataset's.
-//! Its sensor has the focal length, the offset of the principal point from the picture's middle, and Brown's distortion, in
-//! which P1 and P2 stand in the other order than in OpenCV. Cameras of other components than the largest have no common
-//! space, and cameras without a `transform` were not aligned: both count as frames without a pose.
+//! A camera's sensor has the focal length, the offset of the principal point from the picture's middle, and Brown's
+//! distortion, in which P1 and P2 stand in the other order than in OpenCV. Cameras of other components than the largest
+//! have no common space, and cameras without a `transform` were not aligned: both count as frames without a pose.
 
 use std::collections::BTreeMap;
 use std::path::Path;

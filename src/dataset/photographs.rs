@@ -39,11 +39,11 @@ pub fn load(folder: &Path, split: &str, options: &LoadOptions) -> Result<Dataset
 }
 
 /// The cameras of the same photographs in the same order; no picture is decoded. `size` (columns and rows, before
-/// downscaling) is for datasets that do not say how large their pictures are.
+/// downscaling) is for datasets without the size of their pictures.
 ///
 /// # Errors
 ///
-/// As [`load`]'s, but for pictures; and if no size is known.
+/// The errors of [`load`], but for pictures; and if no size is known.
 pub fn load_cameras(
     folder: &Path,
     split: &str,
@@ -57,7 +57,7 @@ pub fn load_cameras(
 ///
 /// # Errors
 ///
-/// As [`load_cameras`]'.
+/// The errors of [`load_cameras`].
 pub fn load_transforms_cameras(
     json: &Path,
     size: Option<[u32; 2]>,
@@ -71,7 +71,7 @@ pub fn load_transforms_cameras(
 ///
 /// # Errors
 ///
-/// As [`load`]'s, but for pictures.
+/// The errors of [`load`], but for pictures.
 pub fn fitting_downscale(folder: &Path, split: &str, options: &LoadOptions) -> Result<(u32, u64), Error> {
     let options = LoadOptions { downscale: 1, ..options.clone() };
     let capture = capture(folder, split, &options)?;
@@ -130,7 +130,7 @@ fn loaded(name: String, capture: Capture, split: &str, options: &LoadOptions) ->
 }
 
 /// The cameras of the split `split` of `capture` that `options` select. `size` (columns and rows) is for pictures that do
-/// not exist and whose size the layout does not say.
+/// not exist and whose size is not in the layout's files.
 pub(super) fn cameras(
     capture: &Capture,
     split: &str,
@@ -158,8 +158,8 @@ fn existing<'a>(capture: &'a Capture, split: &str, options: &LoadOptions) -> Res
     fitted(&shots, &capture.listing, None, options)
 }
 
-/// `shots` with the cameras of their pictures. Pictures that do not exist are as large as the layout says, else as those
-/// that do, else of `size`.
+/// `shots` with the cameras of their pictures. Pictures that do not exist are as large as in the layout's files, else
+/// as those that do, else of `size`.
 fn fitted<'a>(
     shots: &[&'a Shot],
     listing: &Path,
@@ -182,7 +182,7 @@ fn fitted<'a>(
         .collect()
 }
 
-/// Checks that pictures whose size the layout does not say have one size.
+/// Checks that pictures whose size is not in the layout's files have one size.
 fn check_sizes<'a>(pictures: impl Iterator<Item = (&'a Shot, Header)>) -> Result<(), Error> {
     let mut unsized_pictures = pictures.filter(|(shot, _)| shot.intrinsics.size.is_none());
     let Some((first, Header { size: expected, .. })) = unsized_pictures.next() else { return Ok(()) };

@@ -26,7 +26,7 @@ pub(super) struct Header {
     pub(super) size: [u32; 2],
     /// How to turn the stored picture so that up is up.
     pub(super) orientation: Orientation,
-    /// It has more than 8 bits per channel.
+    /// True if the picture has more than 8 bits per channel.
     pub(super) is_deep: bool,
 }
 

@@ -64,8 +64,8 @@ pub(super) fn read(scan: Scan, split: &str) -> Result<Capture, Error> {
     Ok(capture)
 }
 
-/// The intrinsics of all color pictures: of their own file, else of the scan's constants, which may also say for which
-/// size of pictures they are.
+/// The intrinsics of all color pictures: of their own file, else of the scan's constants, which may also define for
+/// which size of pictures they are.
 fn intrinsics(scan: &Scan) -> Result<Intrinsics, Error> {
     let constants = Constants::of(&scan.folder, &scan.name)?;
     let number = |key| constants.as_ref().map_or(Ok(None), |constants| constants.number(key));

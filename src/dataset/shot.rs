@@ -43,7 +43,7 @@ impl Split {
     /// All splits.
     pub(super) const ALL: [Self; 3] = [Self::Train, Self::Validation, Self::Test];
 
-    /// Its name on the command line.
+    /// Name of the split on the command line.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Train => "train",
@@ -67,7 +67,7 @@ pub(super) struct Intrinsics {
     /// Columns and rows of the pictures that the numbers are for; `None` if they are for any picture's own size.
     pub(super) size: Option<[u32; 2]>,
     pub(super) focal: Focal,
-    /// In pixels; `None` for the picture's middle.
+    /// Principal point, in pixels; `None` for the picture's middle.
     pub(super) principal: [Option<f64>; 2],
     pub(super) lens: Lens,
 }
@@ -75,9 +75,9 @@ pub(super) struct Intrinsics {
 /// How a layout states the focal length.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Focal {
-    /// In pixels along columns and rows.
+    /// Focal lengths in pixels, along columns and rows.
     Pixels([f64; 2]),
-    /// By the angles, in radians, that the picture's width and height span; without the second, pixels are square.
+    /// The angles, in radians, that the picture's width and height span; without the second, pixels are square.
     Angles(f64, Option<f64>),
     /// The whole sphere, as wide as the picture.
     Panorama,
@@ -141,7 +141,7 @@ impl Intrinsics {
     }
 
     /// The focal lengths and the principal point, in pixels, for pictures of `size`. Pictures may have been made smaller
-    /// or larger than the layout says, as in COLMAP's `images_4`.
+    /// or larger than in the layout's files, as in COLMAP's `images_4`.
     pub(super) fn for_size(&self, size: [u32; 2]) -> ([f64; 2], [f64; 2]) {
         let declared = self.size.unwrap_or(size).map(f64::from);
         let scale = [0, 1].map(|a| f64::from(size[a]) / declared[a]);
@@ -205,7 +205,7 @@ pub(super) fn lens_of(model: &str, parameters: &[f64]) -> Option<Lens> {
     }
 }
 
-/// The camera models that [`lens_of`] knows, for messages.
+/// The camera models that [`lens_of`] supports, for messages.
 pub(super) const MODELS: &str = "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV, SIMPLE_FISHEYE, \
     FISHEYE, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, THIN_PRISM_FISHEYE or EQUIRECTANGULAR";
 

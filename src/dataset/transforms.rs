@@ -80,7 +80,7 @@ struct CameraKeys {
     p2: Option<f64>,
 }
 
-/// The photographs of `json`. `split` is that of all of them, if the file's name says so. Pictures that were made
+/// The photographs of `json`. `split` is that of all of them, if the file's name contains one. Pictures that were made
 /// `downscale` times smaller beforehand, as nerfstudio's in `images_4`, are used if they are there.
 pub(super) fn read(json: &Path, split: Option<Split>, downscale: u32) -> Result<Capture, Error> {
     let transforms = Transforms::read(json)?;
@@ -101,7 +101,7 @@ pub(super) fn read(json: &Path, split: Option<Split>, downscale: u32) -> Result<
 ///
 /// # Errors
 ///
-/// Those of the JSON file.
+/// If the JSON file cannot be read or breaks a rule of its layout.
 pub fn depth_maps(json: &Path) -> Result<Vec<DepthMap>, Error> {
     Transforms::read(json)?.depth_maps(json)
 }

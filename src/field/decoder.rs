@@ -84,7 +84,8 @@ impl<T: Real> Activations<T> {
 }
 
 /// Writes PE(`values`) (spec 4.7): all sines, then all cosines, frequencies fastest. Each frequency is computed by
-/// doubling the angle of the one before. `angles` is scratch for sines and cosines side by side, so that the loop
+/// doubling the angle of the one before, with an error of 2^(f−1)·ε at frequency f (docs/numerics.md), which is cheaper
+/// than a sine each. `angles` is scratch for sines and cosines side by side, so that the loop
 /// vectorizes.
 #[inline(always)]
 fn encode<T: Real>(values: &[T], frequencies: usize, encoded: &mut [T], angles: &mut Vec<T>) {
@@ -136,6 +137,7 @@ impl<T: Real> Field<T> {
         let mode = self.decoder.mode;
         let Activations { shaded, composite_weights, ray_rows, weights, ray_terms, .. } = activations;
         composite_weights.clear();
+        // A ray without shaded samples has no row: nothing is decoded for it.
         if mode == DecoderMode::PerSample {
             ray_rows.clone_from(&shaded.ray_starts);
         } else {
@@ -169,6 +171,7 @@ impl<T: Real> Field<T> {
         let rows = &mut all_inputs[0];
         rows.resize(n * inputs, T::zero());
         multiply(
+            // Straight into the first columns of the first layer's input, so that features are not copied.
             MatrixMut::new(rows, n, decoder.features, inputs),
             Matrix::new(activations.decoded_components(decoder.mode), n, components, components),
             Matrix::new(&decoder.appearance, decoder.features, components, components).transposed(),
@@ -211,6 +214,8 @@ impl<T: Real> Field<T> {
         let Activations { inputs: all_inputs, ray_rows, direction: encoded_direction, angles, .. } = activations;
         let [direction_at, encoded_at, encoded_direction_at] = decoder.input_parts();
         encoded_direction.resize(inputs - encoded_direction_at, T::zero());
+        // Directions of rays without rows are not encoded, which halves the stage
+        // (docs/experiments/2026-11-26-frame-in-tiles.md).
         for (ray, rows) in rays.iter().zip(ray_rows.windows(2)).filter(|(_, rows)| rows[0] < rows[1]) {
             let direction = ray.direction.to_array().map(T::of);
             encode(&direction, decoder.frequencies[1] as usize, encoded_direction, angles);
@@ -239,6 +244,7 @@ impl<T: Real> Field<T> {
                 Matrix::new(&layer.weights, layer.outputs, layer.inputs, layer.inputs).transposed(),
                 false,
             );
+            // Bias and rectifier in one pass; the last layer has no rectifier.
             let floor = if last { T::neg_infinity() } else { T::zero() };
             for row in outputs.chunks_exact_mut(layer.outputs) {
                 for (v, &b) in row.iter_mut().zip(&layer.bias) {
@@ -258,6 +264,7 @@ impl<T: Real> Field<T> {
                 own_colors
             }
         };
+        // e^−x may overflow; then the result is 0, as it should be.
         let sigmoid = |x: T| T::one() / (T::one() + (-x).exp());
         colors.clear();
         colors.extend(terms.chunks_exact(3).map(|c| [0, 1, 2].map(|i| sigmoid(c[i]))));
@@ -286,6 +293,8 @@ impl<T: Real> WithSimd for GatherAppearance<'_, T> {
         let Self { field, samples, activations } = self;
         let (width, mode) = (field.component_count(), field.decoder.mode);
         let Activations { shaded, components, composites, composite_weights, ray_rows, .. } = activations;
+        // Rendering composites a row while it is in the nearest cache and keeps none: compositing takes two thirds of
+        // the time (docs/experiments/2026-11-26-frame-in-tiles.md).
         let is_kept = activations.keeps_components || mode == DecoderMode::PerSample;
         let padding = row_padding::<T, S>();
         components.resize(width * if is_kept { shaded.len() } else { 1 } + padding, T::zero());
@@ -301,10 +310,13 @@ impl<T: Real> WithSimd for GatherAppearance<'_, T> {
                 activations.reductions.extend(field.appearance_row(simd, samples, slot, row, &mut count));
                 let row = &mut row[..width];
                 if mode == DecoderMode::Residual {
+                    // Three features while the row is at hand; with a matrix product afterwards, appearance and
+                    // matrices took a fifth longer (docs/experiments/2026-11-25-lean-training.md).
                     activations.own_colors.extend(field.decoder.own_color(simd, row));
                 }
                 if mode != DecoderMode::PerSample {
                     let decoded = rows[0] as usize;
+                    // F is a mean, Σ w·f / Σ w, so that the decoder's input does not fade with the opacity.
                     let share = shaded.weights[sample] / composite_weights[decoded];
                     let composite = &mut composites[decoded * width..][..width];
                     composite.iter_mut().zip(row).for_each(|(sum, v)| *sum += share * *v);

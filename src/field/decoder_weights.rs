@@ -39,6 +39,7 @@ impl<T: Real> FieldDecoder<T> {
         let convert = |values: &[f32]| values.iter().map(|&v| T::of_f32(v)).collect::<Vec<T>>();
         let features = scene.features() as usize;
         let mut appearance = Vec::new();
+        // Side by side, so that all scales are one matrix product.
         for p in 0..features {
             for scale in &scene.scales {
                 let rank = scale.factors.appearance_rank() as usize;
@@ -69,6 +70,7 @@ impl<T: Real> FieldDecoder<T> {
     pub(super) fn own_color<S: Simd>(&self, simd: S, components: &[T]) -> [T; 3] {
         let (lanes, width) = (T::lanes::<S>(), components.len());
         let whole = width / lanes * lanes;
+        // Three sums at once, so that each component is loaded once.
         let mut sums = [T::splat(simd, T::zero()); 3];
         for first in (0..whole).step_by(lanes) {
             let values = T::load(simd, &components[first..]);
@@ -77,6 +79,7 @@ impl<T: Real> FieldDecoder<T> {
             }
         }
         let mut color = [T::total(simd, sums[0]), T::total(simd, sums[1]), T::total(simd, sums[2])];
+        // The rest one by one: a register would reach into the next row of the matrix.
         for c in whole..width {
             for (p, color) in color.iter_mut().enumerate() {
                 *color += components[c] * self.appearance[p * width + c];

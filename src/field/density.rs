@@ -117,6 +117,7 @@ impl<T: Real> Field<T> {
     #[inline(always)]
     pub fn density(&self, feature: T) -> T {
         let x = feature + T::of(self.rules.density_shift);
+        // ln(1 + e^x) without overflow: the exponent is never positive.
         x.max(T::zero()) + (-x.abs()).exp_of_negative().ln_1p_of_unit()
     }
 
@@ -125,6 +126,7 @@ impl<T: Real> Field<T> {
     pub fn optical_depth_slope(&self, feature: T) -> T {
         let x = feature + T::of(self.rules.density_shift);
         let e = (-x.abs()).exp_of_negative();
+        // The sigmoid of x, written with the exponent that cannot overflow.
         let above = if x > T::zero() { T::one() } else { e };
         above / (T::one() + e) * T::of(self.rules.step * self.rules.distance_scale)
     }
@@ -166,6 +168,8 @@ impl<T: Real> WithSimd for GatherDensity<'_, T> {
         let first_slot = samples.features.len();
         let mut count = 0;
         let mut features = std::mem::take(&mut samples.features);
+        // Sample by sample: in the order of groups or of scales it is not faster
+        // (docs/experiments/2026-11-25-lean-training.md, docs/experiments/2026-11-25-held-components.md).
         for slot in first_slot..samples.positions.len() {
             let mut sums = T::splat(simd, T::zero());
             for (s, scale) in field.scales.iter().enumerate() {

@@ -15,7 +15,10 @@ use crate::model::{Block, Form};
 /// The factors of the components of one form, of density or of appearance, of a scale's tensors. A tensor holds some components of the scale, and has
 /// none of the others, which are zero: they cost neither memory nor time. Density components are those that are not zero.
 /// Appearance components are the first of the scale up to the last that is not zero, so that a register of them has its
-/// place in the rows that the appearance matrix multiplies.
+/// place in the rows that the appearance matrix multiplies (docs/experiments/2026-11-25-held-components.md).
+///
+/// Factors have 32 bits: 16 bits that registers convert gain 1 to 2 % of a frame on one family of processors
+/// (docs/experiments/2026-11-26-frame-in-tiles.md).
 #[derive(Clone, Debug)]
 pub struct FieldFactors<T> {
     form: Form,
@@ -171,19 +174,19 @@ pub struct Contribution<T> {
 /// Which components of a tensor a field holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Holding {
-    /// Those that are not zero.
+    /// Components that are not zero.
     Nonzero,
-    /// All up to the last that is not zero, so that they are the first of the scale.
+    /// All components up to the last that is not zero, so that they are the first of the scale.
     UpToLast,
 }
 
 impl<T: Real> FieldFactors<T> {
-    /// The components of `block`, of tensors of `resolution` cells, that `holding` says.
+    /// The components of `block`, of tensors of `resolution` cells, that `holding` selects.
     pub(super) fn new(holding: Holding, block: &Block, resolution: [u32; 3]) -> Self {
         Self::without(holding, block, resolution, |_, _| false)
     }
 
-    /// As [`FieldFactors::new`]; the components of a tensor for which `is_zero`(tensor, component) count as zero.
+    /// Holds components like [`FieldFactors::new`]; those for which `is_zero`(tensor, component) count as zero.
     pub(crate) fn without(
         holding: Holding,
         block: &Block,
@@ -204,6 +207,7 @@ impl<T: Real> FieldFactors<T> {
             }
             held.starts.push(held.components.len() as u32);
         }
+        // On cache lines, which is worth up to 10 % (docs/experiments/2026-11-21-step-optimizations.md).
         let mut values = AVec::with_capacity(CACHELINE_ALIGN, held.value_count() + MAX_LANES);
         for (n, tensor) in tensors().enumerate() {
             for row in tensor.chunks_exact(rank) {
@@ -245,7 +249,7 @@ impl<T: Real> FieldFactors<T> {
         &self.values[..self.held.value_count()]
     }
 
-    /// As [`FieldFactors::values`], to change.
+    /// \[tensor\]\[row\]\[held component\] the factors, to change.
     pub fn values_mut(&mut self) -> &mut [T] {
         let count = self.held.value_count();
         &mut self.values[..count]
@@ -332,9 +336,12 @@ impl<T: Real> FieldFactors<T> {
     ) -> Rows<'_, T, S, F> {
         let Self { held, values, .. } = self;
         let std::ops::Range { start, end } = held.range(tensor);
+        // One check for all loads of a contribution: with a check for each, density takes 0.44 s of a picture instead
+        // of 0.27 s (docs/experiments/2026-11-25-held-components.md).
         assert!((last as usize) < held.rows, "a row of a tensor");
         let rank = end - start;
         // `values` has `rows` rows for each of the components before `end`, and a register more.
+        // Wrapping arithmetic makes an address without a promise about it; the reads in `between` make the promise.
         let first = values.as_ptr().wrapping_add(start * held.rows);
         Rows {
             factors: factors(RowPlaces { first, rank }),
@@ -414,7 +421,7 @@ pub(super) struct Vectors<T: Real, S: Simd> {
 pub(super) struct VectorAndMatrix<T: Real, S: Simd> {
     /// The lower of two rows of the vector, and of those of the matrix at the lower and the upper vertex of its second axis.
     lower: [*const T; 3],
-    /// Those of the vector and of the axes of the matrix.
+    /// Fractions between two vertices along the axis of the vector and the two axes of the matrix.
     fractions: [T::Register<S>; 3],
 }
 
@@ -432,9 +439,10 @@ unsafe fn between<T: Real, S: Simd>(
     fraction: T::Register<S>,
 ) -> T::Register<S> {
     let lower = lower.wrapping_add(first);
-    // SAFETY: The caller says so.
+    // SAFETY: The caller guarantees it.
     let (lower, upper) = unsafe {
         let upper = lower.wrapping_add(rank);
+        // Unaligned, as rows have as many components as their tensor holds. Padded rows would take memory for zeros.
         (lower.cast::<T::Register<S>>().read_unaligned(), upper.cast::<T::Register<S>>().read_unaligned())
     };
     T::times_plus(simd, fraction, T::minus(simd, upper, lower), lower)
@@ -445,7 +453,7 @@ impl<T: Real, S: Simd> Factorized<T, S> for Vectors<T, S> {
     unsafe fn times(&self, simd: S, rank: usize, first: usize, weight: T::Register<S>) -> T::Register<S> {
         let mut product = weight;
         for a in 0..3 {
-            // SAFETY: The caller says so.
+            // SAFETY: The caller guarantees it.
             let value = unsafe { between(simd, self.lower[a], rank, first, self.fractions[a]) };
             product = T::times(simd, product, value);
         }
@@ -457,7 +465,7 @@ impl<T: Real, S: Simd> Factorized<T, S> for VectorAndMatrix<T, S> {
     #[inline(always)]
     unsafe fn times(&self, simd: S, rank: usize, first: usize, weight: T::Register<S>) -> T::Register<S> {
         let [of_vector, of_first, of_second] = self.fractions;
-        // SAFETY: The caller says so.
+        // SAFETY: The caller guarantees it.
         let (vector, lower, upper) = unsafe {
             (
                 between(simd, self.lower[0], rank, first, of_vector),
@@ -465,6 +473,7 @@ impl<T: Real, S: Simd> Factorized<T, S> for VectorAndMatrix<T, S> {
                 between(simd, self.lower[2], rank, first, of_first),
             )
         };
+        // Bilinear: first along the matrix's first axis in two rows, then between them.
         let matrix = T::times_plus(simd, of_second, T::minus(simd, upper, lower), lower);
         T::times(simd, T::times(simd, weight, vector), matrix)
     }
@@ -496,6 +505,8 @@ impl<T: Real, S: Simd, F: Factorized<T, S>> Rows<'_, T, S, F> {
         // numbers follows.
         let mut products = unsafe { self.factors.times(simd, self.rank, first, self.weight) };
         let count = self.rank - first;
+        // Only the last register of a row needs the mask. A mask for every register, which spares the branch, is not
+        // faster (docs/experiments/2026-11-26-frame-in-tiles.md).
         if count < T::lanes::<S>() {
             // The register ends with numbers of the next rows.
             let last = T::splat(simd, T::of_i32(count as i32 - 1));

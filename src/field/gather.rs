@@ -29,8 +29,11 @@ impl<T: Real> FieldScale<T> {
         sums: T::Register<S>,
         count: &mut usize,
     ) -> T::Register<S> {
+        // A register of sums, which the caller adds up over all scales before the one sum over lanes: a sum over
+        // lanes for each scale took 8 % of the stage (docs/experiments/2026-11-25-lean-training.md).
         let mut of_scale = T::splat(simd, T::zero());
         for block in &self.density {
+            // The form is chosen outside of the loop over contributions, which then has no branch.
             match block.form() {
                 Form::Cp => {
                     for contribution in contributions {
@@ -75,6 +78,8 @@ impl<T: Real> FieldScale<T> {
             let components = &mut components[first..];
             first += rank;
             match block.form() {
+                // Closures are inlined, as code outside of the dispatched function is compiled for the least
+                // instruction set.
                 Form::Cp => add_up(
                     simd,
                     rank,
@@ -109,6 +114,8 @@ fn add_up<'a, T: Real, S: Simd, F: Factorized<T, S>>(
     rows_of: impl Fn(&Contribution<T>) -> Rows<'a, T, S, F>,
 ) {
     let (lanes, zero) = (T::lanes::<S>(), T::splat(simd, T::zero()));
+    // Three registers are 48 components with AVX-512: the sums of a whole row stay in registers. Six gain 1 to 2 % of
+    // a frame and were not kept (docs/experiments/2026-11-28-quarter.md).
     for begin in (0..rank).step_by(3 * lanes) {
         let (mut a, mut b, mut c) = (zero, zero, zero);
         for contribution in contributions {
@@ -116,8 +123,11 @@ fn add_up<'a, T: Real, S: Simd, F: Factorized<T, S>>(
             a = rows.add(simd, begin, a);
             b = rows.add(simd, begin + lanes, b);
             c = rows.add(simd, begin + 2 * lanes, c);
+            // Each contribution counts once, however many rounds its row takes.
             *count += if begin == 0 { rows.rank() } else { 0 };
         }
+        // Whole registers: adding components one by one to their places takes half as long again
+        // (docs/experiments/2026-11-25-held-components.md).
         T::store(simd, &mut components[begin..], a);
         T::store(simd, &mut components[begin + lanes..], b);
         T::store(simd, &mut components[begin + 2 * lanes..], c);

@@ -9,6 +9,8 @@ use super::{Field, RayMarcher, Real, Samples, Stage, add_compensated};
 use crate::geometry::Ray;
 
 /// Samples that a ray advances by at a time; samples behind its end are discarded.
+/// With 8, a frame evaluates 3.97 instead of 3.64 million samples (docs/experiments/2026-11-26-tight-occupancy.md); 2
+/// and 3 are not faster (docs/experiments/2026-11-26-frame-in-tiles.md).
 const STRIDE: u32 = 4;
 
 impl<T: Real> Field<T> {
@@ -61,6 +63,7 @@ impl<T: Real> Field<T> {
     /// Puts the next samples of each ray into `pending`.
     #[inline(always)]
     fn advance_rays(&self, samples: &mut Samples<T>) {
+        // Taken out, so that pending samples can be pushed meanwhile.
         let (mut active, mut marchers) = (std::mem::take(&mut samples.active), std::mem::take(&mut samples.marchers));
         self.skip_empty(&active, &mut marchers, &mut samples.seeking);
         samples.clear_pending();
@@ -89,6 +92,8 @@ impl<T: Real> Field<T> {
         seeking.clear();
         seeking.extend(active.iter().map(|ray| ray.ray));
         while !seeking.is_empty() {
+            // Marchers stay where they are and only their numbers move; without a branch, as strides end anywhere. In
+            // turns, the march of a frame takes a third less (docs/experiments/2026-11-26-frame-in-tiles.md).
             let mut left = 0;
             for index in 0..seeking.len() {
                 let ray = seeking[index];
@@ -118,6 +123,8 @@ impl<T: Real> Field<T> {
     fn composite(&self, samples: &mut Samples<T>) {
         let known = samples.alphas.len();
         samples.alphas.resize(samples.features.len(), T::zero());
+        // A loop of its own, which vectorizes: compositing depends on the sample before. 1 − e^−τ without `exp_m1` is
+        // 0 in f32 for fog of τ below 6e-8.
         for (alpha, &feature) in samples.alphas[known..].iter_mut().zip(&samples.features[known..]) {
             *alpha = -(-self.optical_depth(feature)).exp_m1_of_negative();
         }
@@ -133,7 +140,9 @@ impl<T: Real> Field<T> {
             for &alpha in &alphas[slots.clone()] {
                 transmittances.push(ray.transmittance);
                 let weight = ray.transmittance * alpha;
+                // Compensated: in f32, 1 − 2e-8 is 1, and plain sums lose fog entirely (docs/numerics.md).
                 add_compensated(&mut ray.transmittance, &mut ray.lost, -weight);
+                // The compensation may carry it below 0 by a rounding.
                 ray.transmittance = ray.transmittance.max(T::zero());
                 counted += 1;
                 if ray.transmittance < min_transmittance {
@@ -142,6 +151,7 @@ impl<T: Real> Field<T> {
                 }
             }
             run.count = counted;
+            // Samples behind the end keep their slots and have no weight.
             transmittances.resize(slots.end, T::zero());
             remaining[ray.ray as usize] = ray.transmittance;
             !ended
@@ -152,6 +162,7 @@ impl<T: Real> Field<T> {
 /// Fills `ray_starts` and `order` from the runs.
 fn order_by_ray<T: Real>(samples: &mut Samples<T>) {
     let Samples { ray_starts, order, runs, .. } = samples;
+    // Samples were evaluated in turns of rays; a counting sort brings them into the order along rays.
     for run in runs.iter() {
         ray_starts[run.ray as usize + 1] += run.count;
     }

@@ -1,4 +1,5 @@
-//! Dense products through the `gemm` crate.
+//! Dense products through the `gemm` crate. A product of our own reached 0.95 of its speed
+//! (docs/experiments/2026-11-21-step-optimizations.md).
 //!
 //! Besides `factors.rs` the only file of the crate with `unsafe` code: `gemm` takes pointers and strides. The views below
 //! check every bound before the call.
@@ -140,6 +141,7 @@ fn multiply_in_place<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Mat
             false,
             false,
             false,
+            // Threads work on chunks of rays. One product per thread keeps results independent of their number.
             gemm::Parallelism::None,
         );
     }

@@ -65,6 +65,7 @@ fn held_factors<T: Real>(scale: &Scale) -> [Vec<FieldFactors<T>>; 2] {
     let held = |blocks: &[Block], holding| {
         blocks.iter().map(|block| FieldFactors::new(holding, block, scale.cloud.resolution)).collect()
     };
+    // Density components are a sum, so any of them may be missing; appearance components have their places in a row.
     [held(&scale.factors.density, Holding::Nonzero), held(&scale.factors.appearance, Holding::UpToLast)]
 }
 
@@ -133,8 +134,8 @@ impl<T: Real> Field<T> {
         steps.saturating_mul(sample as u64)
     }
 
-    /// As [`Field::new`], but takes each scale's factors out of `scene` as soon as they are converted, which keeps about one
-    /// copy of them in memory at any time.
+    /// The field of `scene` like [`Field::new`], but takes each scale's factors out of `scene` as soon as they are
+    /// converted, which keeps about one copy of them in memory at any time.
     pub fn taking(scene: &mut Scene) -> Self {
         let taken = |scale: &mut Scale| {
             let factors = held_factors(scale);
@@ -165,11 +166,14 @@ impl<T: Real> Field<T> {
             })
             .collect();
         let covered = match (&scene.occupancy, scene.rules.coverage, scales.last()) {
+            // The finest scale covers least. Where it has no tensor no sample counts, so rays skip that space from
+            // the first step on.
             (None, Coverage::All, Some(finest)) => Some(OccupancyCells::from_index(finest.index())),
             _ => None,
         };
         // Contracted positions are computed in 64 bits, or from points whose error shrinks with the contraction.
         let farthest = if scene.rules.contraction.is_some() { MAX_SPACING } else { scene.frame.far };
+        // The error of positions that decisions keep their distance from (docs/numerics.md).
         let reach = (scene.bounds.size().max_element() + farthest) * T::epsilon().f64();
         Self {
             origin,

@@ -1,7 +1,8 @@
 //! Neighbors of samples and their weights (spec 4.1, 4.2, 4.4). Twin: `shaders/neighbors.wgsl`.
 //!
 //! Samples of a ray, and of rays beside it, mostly lie in cells with the same candidates. Each candidate is tested
-//! against a group of such samples at once, one lane per sample.
+//! against a group of such samples at once, one lane per sample. A search per sample takes more than twice as long
+//! (docs/experiments/2026-11-21-step-optimizations.md).
 
 use pulp::Simd;
 
@@ -15,7 +16,7 @@ use crate::model::{Aggregation, MAX_TOP_K};
 /// The neighbors found for a batch of samples, and scratch.
 pub(super) struct Neighbors<'a, T> {
     aggregation: Aggregation,
-    /// Those of all samples are appended to these.
+    /// Contributions of all samples found so far; those of the next are appended.
     contributions: &'a mut Contributions<T>,
     /// \[scale × samples + sample\] the sample's neighbors.
     neighborhoods: &'a mut Vec<Neighborhood>,
@@ -25,6 +26,8 @@ pub(super) struct Neighbors<'a, T> {
 }
 
 /// Groups that are filled at the same time.
+/// A tile of rays is in few lists at a time, so nearly all groups are full when they are evaluated: 15.1 of 16
+/// samples. 256 are not faster (docs/experiments/2026-11-26-frame-in-tiles.md).
 const OPEN_GROUPS: usize = 64;
 
 /// Samples in cells with the same candidates.
@@ -93,12 +96,17 @@ impl<T: Real> FieldScale<T> {
     /// Appends the `top_k` nearest covering tensors of each of `positions`.
     #[inline(always)]
     pub(super) fn find_nearest<S: Simd>(&self, simd: S, positions: &Positions<T>, found: &mut Neighbors<T>) {
+        // Taken out, because the groups borrow `found` as a whole.
         let mut lists = std::mem::take(&mut found.lists);
         self.index().lists_at(simd, positions, &mut lists);
         let first = found.neighborhoods.len();
         found.neighborhoods.resize(first + positions.len(), Neighborhood::default());
+        // Groups are made across the rays of the batch, not ray by ray: rays side by side share lists, and a group
+        // that is not full costs as much as a full one (docs/experiments/2026-11-25-lean-training.md).
         let mut groups = [Group::EMPTY; OPEN_GROUPS];
         for (sample, &list) in lists.iter().enumerate() {
+            // A list has one place, so finding its group is no search. Lists that share a place only end groups
+            // early.
             let group = &mut groups[list as usize % OPEN_GROUPS];
             if group.list != list || group.count == T::lanes::<S>() {
                 self.find_of_group(simd, positions, group, first, found);
@@ -128,11 +136,14 @@ impl<T: Real> FieldScale<T> {
         if samples.is_empty() || blocks.is_empty() {
             return;
         }
+        // The samples of a group are anywhere in the batch.
         let mut lanes = [[T::zero(); MAX_LANES]; 3];
         for (a, lanes) in lanes.iter_mut().enumerate() {
             let axis = positions.axis(a);
             lanes.iter_mut().zip(samples).for_each(|(lane, &sample)| *lane = axis[sample as usize]);
         }
+        // Ranking in registers is quadratic in the candidates. Lists of more than one block, of tensors with longer
+        // edges than two pitches, are searched sample by sample instead.
         let is_covering_known = match blocks {
             [block] => self.cover(simd, block, &lanes, samples.len(), found),
             _ => false,
@@ -170,6 +181,7 @@ impl<T: Real> FieldScale<T> {
         let infinity = T::splat(simd, T::infinity());
         let [x, y, z] = positions;
         let position = [T::load(simd, x), T::load(simd, y), T::load(simd, z)];
+        // Positions beyond the samples are zeros, which a box may contain.
         let mut in_group = [T::infinity(); MAX_LANES];
         in_group[..count].fill(T::zero());
         // No candidate covers lanes without a sample.
@@ -177,6 +189,8 @@ impl<T: Real> FieldScale<T> {
 
         let mut squares = [infinity; BLOCK];
         let mut counts = zero;
+        // The candidate is the outer loop and the samples are the lanes. All lanes do the same, whether or not the
+        // candidate covers them, so that no branch depends on a sample.
         for c in 0..block.count as usize {
             let mut square = zero;
             let mut covers = in_group;
@@ -190,9 +204,12 @@ impl<T: Real> FieldScale<T> {
             }
             let square = T::select(simd, covers, square, infinity);
             let least = T::least(simd, square);
+            // 1/d is infinite at a center (spec 4.4).
             if least == T::zero() {
                 return false;
             }
+            // Of 7.7 candidates, 4.3 cover a sample of the group; the others leave no row
+            // (docs/experiments/2026-11-26-frame-in-tiles.md).
             if least == T::infinity() {
                 continue;
             }
@@ -200,6 +217,8 @@ impl<T: Real> FieldScale<T> {
             squares[found.count] = square;
             found.tensors[found.count] = block.tensors[c];
             for a in 0..3 {
+                // Places between vertices are kept for density and appearance alike: finding them again took a third
+                // of the appearance gather (docs/experiments/2026-11-25-lean-training.md).
                 let (lower, fraction) = self.vertices().on_axis_of_many(simd, a, offsets[a]);
                 T::store(simd, &mut found.fractions[found.count][a], fraction);
                 let mut lowers = [T::zero(); MAX_LANES];
@@ -212,6 +231,8 @@ impl<T: Real> FieldScale<T> {
         }
         T::store(simd, &mut found.counts, counts);
         let squares = &mut squares[..found.count.min(BLOCK)];
+        // With edges of 1.5 pitches a point is in 1, 2, 4 or 8 boxes, so only an eighth of a full lattice has more
+        // than the usual four and needs a ranking.
         let fewest = T::least(simd, T::minus(simd, T::splat(simd, T::of(self.top_k() as f64)), counts));
         if fewest < T::zero() {
             self.drop_far::<S>(simd, squares);
@@ -225,6 +246,8 @@ impl<T: Real> FieldScale<T> {
     fn drop_far<S: Simd>(&self, simd: S, squares: &mut [T::Register<S>]) {
         let one = T::splat(simd, T::one());
         let zero = T::splat(simd, T::zero());
+        // Ranks by counting, without branches: lanes cannot be sorted apart. The counts are small integers, exact as
+        // floating point.
         let mut ranks = [zero; BLOCK];
         for later in 1..squares.len() {
             for earlier in 0..later {
@@ -250,6 +273,8 @@ impl<T: Real> FieldScale<T> {
         contributions: &mut Contributions<T>,
         neighborhoods: &mut [Neighborhood],
     ) {
+        // Tensors without components cover and weigh but add nothing: 15 % of all after lean training
+        // (docs/experiments/2026-11-25-lean-training.md).
         let mut held = [0; BLOCK];
         let mut count = 0;
         for (c, &tensor) in covering.tensors[..covering.count.min(BLOCK)].iter().enumerate() {
@@ -260,6 +285,8 @@ impl<T: Real> FieldScale<T> {
         // Room for all, so that the ones of no weight can be overwritten by the next, without a branch.
         let room = contributions.room(samples.len() * count + 1);
         let mut end = 0;
+        // From lanes to samples, as gathers read a sample's contributions one after the other. These writes are a
+        // third of the time of neighbors (docs/experiments/2026-11-26-frame-in-tiles.md).
         for (lane, &sample) in samples.iter().enumerate() {
             let first = end;
             for &c in &held[..count] {
@@ -282,6 +309,7 @@ impl<T: Real> FieldScale<T> {
     }
 
     /// Appends the `top_k` nearest of any number of candidates, nearest first. By insertion, for single samples.
+    // Few samples come here, so its code stays out of the loop over groups.
     #[inline(never)]
     fn nearest_of_any(&self, position: [T; 3], aggregation: Aggregation, contributions: &mut Contributions<T>) {
         let mut values = [T::infinity(); MAX_TOP_K as usize];
@@ -322,6 +350,7 @@ fn weigh_lanes<T: Real, S: Simd>(
     let one = T::splat(simd, T::one());
     let mut sum = T::splat(simd, T::zero());
     for square in squares.iter_mut() {
+        // 1/∞ is 0, so lanes that a candidate does not cover need no mask.
         let root = T::root(simd, *square);
         *square = match aggregation {
             Aggregation::Normalized => T::over(simd, one, root),
@@ -333,6 +362,7 @@ fn weigh_lanes<T: Real, S: Simd>(
         Aggregation::Normalized => sum,
         Aggregation::Clamped => T::select(simd, T::less_or_equal(simd, one, sum), sum, one),
     };
+    // Where nothing covers a lane, the sum is 0 and its weights are NaN; `push_covering` keeps weights above 0 alone.
     let scale = T::over(simd, one, divisor);
     for (weights, square) in weights.iter_mut().zip(squares.iter()) {
         T::store(simd, weights, T::times(simd, *square, scale));
@@ -349,6 +379,7 @@ fn weigh<T: Real>(aggregation: Aggregation, values: &mut [T]) {
             values[0] = T::one();
         }
         Aggregation::Normalized => {
+            // Relative to the nearest: 1/d overflows beside a center, d₀/d does not.
             values.iter_mut().for_each(|v| *v = (nearest / *v).sqrt());
             let sum: T = values.iter().copied().sum();
             values.iter_mut().for_each(|v| *v /= sum);

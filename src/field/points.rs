@@ -75,6 +75,7 @@ impl<T: Real> Field<T> {
         values: &mut [T],
         evaluate: impl Fn(&mut Scratch<T>, &mut [T]) + Sync,
     ) {
+        // Scratch of a pool, so that chunks do not allocate.
         let pool = Pool::<Scratch<T>>::default();
         values.par_chunks_mut(CHUNK * width).enumerate().for_each(|(chunk, values)| {
             values.fill(T::zero());

@@ -9,6 +9,7 @@ pub(crate) struct Pool<S>(Mutex<Vec<S>>);
 impl<S: Default> Pool<S> {
     /// Calls `work` with a value that no other task uses meanwhile.
     pub(crate) fn with<R>(&self, work: impl FnOnce(&mut S) -> R) -> R {
+        // The lock is held for a push or a pop alone, once a task.
         let taken = self.0.lock().expect("no task panics while it holds the lock").pop();
         let mut value = taken.unwrap_or_default();
         let result = work(&mut value);

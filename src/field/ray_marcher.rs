@@ -39,6 +39,7 @@ impl<T: Real> RayMarcher<T> {
     pub fn new(field: &Field<T>, ray: &Ray) -> Self {
         let path = RayPath::new(ray, &field.bounds, field.rules.contraction, field.near_far);
         let span = path.span.unwrap_or((0.0, 0.0));
+        // 1e30 and not infinity: at a face, 0 times infinity is NaN.
         let inverse = ray.direction.to_array().map(|d| T::of(if d == 0.0 { 1e30 } else { 1.0 / d }));
         let course = path.span.and(field.cells()).map(|cells| match path.contraction() {
             None => {
@@ -63,6 +64,8 @@ impl<T: Real> RayMarcher<T> {
         }
         self.known -= 1;
         self.next += 1;
+        // In f64 up to here, and relative to the field's origin before rounding: a scene's place in the world costs
+        // no precision (docs/numerics.md).
         Some((self.path.distance(u), field.relative(self.path.position(u))))
     }
 
@@ -87,7 +90,9 @@ impl<T: Real> RayMarcher<T> {
             }
         };
         let margin = T::of(MARGIN) + field.position_error * per_step;
+        // 1e6 is within the range of `floor_i32`. At least one sample is passed, so the march always ends.
         let alike = (span.distance - margin).max(T::zero()).min(T::of(1e6)).floor_i32() as u32 + 1;
+        // Samples in occupied cells are counted off without another look at the grid.
         if span.occupied {
             self.known = alike;
         } else {
@@ -109,6 +114,7 @@ impl<T: Real> RayMarcher<T> {
 fn contracted_span<T: Real>(cells: &OccupancyCells<T>, position: [T; 3], inverse: [T; 3], slowness: T) -> Span<T> {
     let norm = position[0].abs().max(position[1].abs()).max(position[2].abs());
     if norm >= T::one() {
+        // The path bends here, so the span is bounded in all directions by the largest speed of its coordinates.
         let around = cells.span_around(position);
         return Span { distance: around.distance * slowness, ..around };
     }

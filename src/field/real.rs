@@ -122,6 +122,7 @@ impl Real for f32 {
     /// Free of branches, so that loops over it vectorize.
     #[inline(always)]
     fn sine_cosine(self) -> (Self, Self) {
+        // The first parts have few bits, so that their products with small whole numbers are exact.
         const PARTS: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];
         let shifted = self * std::f32::consts::FRAC_2_PI + Self::ROUND;
         let turns = shifted - Self::ROUND;
@@ -168,7 +169,9 @@ impl Real for f32 {
 /// 2ⁿ and e^r − 1 with `x` = n·ln 2 + r and |r| ≤ ln 2 / 2, for −88 < `x` ≤ 0. Smaller `x` count as −88.
 #[inline(always)]
 fn exponential_parts(x: f32) -> (f32, f32) {
+    // The first part has few bits, so that n times it is exact.
     const LN_2_PARTS: [f32; 2] = [0.693_359_4, -2.121_944_4e-4];
+    // Below, 2ⁿ is no normal number of f32.
     let x = if x > -88.0 { x } else { -88.0 };
     let shifted = x * std::f32::consts::LOG2_E + f32::ROUND;
     let n = shifted - f32::ROUND;
@@ -181,6 +184,8 @@ fn exponential_parts(x: f32) -> (f32, f32) {
 /// Adds `term` to `sum` with Kahan's compensation: `lost` is the accumulated rounding error of `sum`.
 #[inline(always)]
 pub fn add_compensated<T: Real>(sum: &mut T, lost: &mut T, term: T) {
+    // Rust does not reorder sums of floating-point numbers; WGSL does, so the shader hides the sum
+    // (docs/numerics.md).
     let change = term - *lost;
     let after = *sum + change;
     *lost = (after - *sum) - change;

@@ -22,7 +22,7 @@ pub struct Samples<T> {
     pub transmittances: Vec<T>,
     /// \[slot × scales + scale\] the sample's neighbors in that scale.
     pub(super) neighborhoods: Vec<Neighborhood>,
-    /// Those of a sample and a scale are together.
+    /// Contributions of all samples; those of a sample and a scale are adjacent.
     pub(super) contributions: Contributions<T>,
     /// \[ray\] the ray's first index in `order`; then the length of `order`.
     pub ray_starts: Vec<u32>,
@@ -61,6 +61,8 @@ impl<T: Real> Contributions<T> {
     }
 
     fn clear(&mut self) {
+        // Overwritten later and not cleared, as part of a shorter march
+        // (docs/experiments/2026-11-26-frame-in-tiles.md).
         self.len = 0;
     }
 
@@ -68,6 +70,7 @@ impl<T: Real> Contributions<T> {
     #[inline(always)]
     pub(super) fn room(&mut self, count: usize) -> &mut [Contribution<T>] {
         let end = self.len + count;
+        // Twice as many, so that growing is rare.
         if self.list.len() < end {
             self.list.resize(2 * end, Contribution::default());
         }

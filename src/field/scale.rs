@@ -72,6 +72,7 @@ impl<T: Real> TensorVertices<T> {
     ) -> (T::Register<S>, T::Register<S>) {
         let half_edge = T::splat(simd, self.half_edge[a]);
         let u = T::times(simd, T::plus(simd, offset, half_edge), T::splat(simd, self.cells_per_unit[a]));
+        // On the upper face, the last cell with a fraction of 1.
         let lower = T::smaller(simd, floor::<T, S>(simd, u), T::splat(simd, T::of_i32(self.last_cell[a])));
         (lower, T::minus(simd, u, lower))
     }
@@ -102,6 +103,7 @@ impl<T: Real> FieldScale<T> {
     ) -> Self {
         Self {
             first_tensor,
+            // Relative in f64, then rounded: a scene's place in the world costs no precision (docs/numerics.md).
             centers: scale.cloud.centers().map(|c| (c - origin).to_array().map(T::of)).collect(),
             half_edge: scale.cloud.half_edge.to_array().map(T::of),
             resolution: scale.cloud.resolution,
@@ -133,7 +135,7 @@ impl<T: Real> FieldScale<T> {
         self.density.iter().chain(&self.appearance)
     }
 
-    /// As [`FieldScale::blocks`], to change.
+    /// The blocks of density, then those of appearance, to change.
     pub fn blocks_mut(&mut self) -> impl Iterator<Item = &mut FieldFactors<T>> {
         self.density.iter_mut().chain(&mut self.appearance)
     }

@@ -81,6 +81,7 @@ impl<T: Real> FieldSky<T> {
             for (&c, y) in row.iter().zip(basis) {
                 sum += c * y;
             }
+            // A sigmoid and no clamp, whose gradient is zero.
             *channel = T::one() / (T::one() + (-sum).exp());
         }
         color
@@ -92,6 +93,7 @@ impl<T: Real> FieldSky<T> {
     pub fn add_gradients(&self, direction: DVec3, color: [T; 3], color_gradient: [T; 3], gradients: &mut [T]) {
         let basis = Self::basis(direction);
         for (channel, row) in gradients.chunks_exact_mut(Sky::terms(self.degree)).enumerate() {
+            // c·(1 − c) is the derivative of the sigmoid.
             let slope = color_gradient[channel] * color[channel] * (T::one() - color[channel]);
             row.iter_mut().zip(basis).for_each(|(sum, y)| *sum += slope * y);
         }

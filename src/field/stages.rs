@@ -173,6 +173,7 @@ impl StageClock {
 
     /// Books the time since the last call under `stage`.
     pub fn lap(&mut self, stage: Stage) {
+        // One reading ends a stage and begins the next, so that no time is lost between them.
         let now = Instant::now();
         self.work.seconds[stage as usize] += (now - self.last).as_secs_f64();
         self.last = now;

@@ -82,6 +82,7 @@ macro_rules! vector {
         }
         #[inline(always)]
         fn load<S: Simd>(_: S, values: &[Self]) -> Self::Register<S> {
+            // One check of the length, and a load without an `unsafe` block.
             bytemuck::pod_read_unaligned(bytemuck::cast_slice(&values[..Self::lanes::<S>()]))
         }
         #[inline(always)]

@@ -16,7 +16,7 @@ pub struct Aabb {
     pub max: DVec3,
 }
 
-/// Both corners.
+/// A box as text: its smallest and its largest corner.
 impl fmt::Display for Aabb {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         // The debug format of a number has an exponent where it would have many digits.

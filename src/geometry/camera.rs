@@ -134,7 +134,7 @@ impl Camera {
         (0.0..=f64::from(self.width)).contains(&at.x) && (0.0..=f64::from(self.height)).contains(&at.y)
     }
 
-    /// The same view in the target space of `map`.
+    /// This camera in the target space of `map`, with the same view of the scene.
     pub fn mapped(&self, map: &Similarity) -> Self {
         Self {
             world_from_camera: DMat3::from_quat(map.rotation) * self.world_from_camera,

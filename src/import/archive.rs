@@ -85,7 +85,7 @@ impl<'a, 'b> Archive<'a, 'b> {
     ///
     /// # Errors
     ///
-    /// Those of [`Archive::entry`], and if the entry is longer than `most` or contradicts its size or checksum.
+    /// The errors of [`Archive::entry`], and if the entry is longer than `most` or contradicts its size or checksum.
     pub(super) fn bytes(&mut self, name: &str, most: u64) -> Result<Vec<u8>, Fault> {
         let mut entry = self.entry(name)?;
         let size = entry.size();

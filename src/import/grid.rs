@@ -61,7 +61,7 @@ impl Grid {
         Ok(Self { shape, order, origin, pitch, fortran: false })
     }
 
-    /// The same grid, stored with the first axis fastest if `fortran`.
+    /// This grid, stored with the first axis fastest if `fortran`, else with the last.
     pub(super) fn fortran(self, fortran: bool) -> Self {
         Self { fortran, ..self }
     }

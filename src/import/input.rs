@@ -81,7 +81,7 @@ impl<'a> Input<'a> {
     ///
     /// # Errors
     ///
-    /// Those of the visitor.
+    /// If the visitor returns an error.
     pub fn report(&mut self, visitor: &mut dyn Visitor) -> Result<(), Fault> {
         if self.offset < self.reported + REPORT_EVERY {
             return Ok(());
@@ -163,7 +163,7 @@ impl<'a> Input<'a> {
     ///
     /// # Errors
     ///
-    /// Those of the system.
+    /// If the operating system cannot read the file.
     pub fn peek(&mut self, most: usize) -> Result<Vec<u8>, Fault> {
         let most = (most as u64).min(self.left()) as usize;
         let mut bytes = vec![0; most];

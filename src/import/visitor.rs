@@ -8,7 +8,7 @@ use crate::geometry::Aabb;
 /// A point on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
-    /// In the file's space; finite.
+    /// Position of the point in the file's space; finite.
     pub position: DVec3,
     /// sRGB; `None` if the file has no colors.
     pub color: Option<[u8; 3]>,
@@ -36,7 +36,7 @@ pub enum LeftOut {
     Withheld,
     /// LAS: its class is noise, 7 or 18.
     Noise,
-    /// It is a splat whose opacity is below [`ReadOptions::min_opacity`].
+    /// A splat whose opacity is below [`ReadOptions::min_opacity`].
     Transparent,
 }
 

@@ -2,8 +2,8 @@
 //! "Marching Cubes", 1987), computed from one rule for faces: an inside corner of a face whose neighbors on it are outside
 //! is cut off alone. Two cubes apply the same rule to the face that they share, so surfaces have no holes.
 //!
-//! Bit a of a corner's number says that it is the larger one along axis a. Edge 4·a + 2·v + u runs along axis a; u and v
-//! are its places along the axes after a and after that.
+//! Bit a of a corner's number is set if it is the larger one along axis a. Edge 4·a + 2·v + u runs along axis a; u and
+//! v are its places along the axes after a and after that.
 
 use std::sync::LazyLock;
 

@@ -122,7 +122,7 @@ impl Description {
     ///
     /// # Errors
     ///
-    /// Those of `arrays`; its refusal if the description is of another layout or the scene breaks an invariant.
+    /// The errors of `arrays`; its refusal if the description is of another layout or the scene breaks an invariant.
     pub fn scene<R: ArrayReader>(self, arrays: &R) -> Result<SceneFile, R::Error> {
         if self.layout != LAYOUT {
             return Err(arrays.refusal(format!("layout {} is not supported; expected {LAYOUT}", self.layout)));

@@ -18,7 +18,7 @@ pub trait ArrayWriter {
     /// If it cannot be written.
     fn add<T: Element>(&mut self, name: &str, shape: &[usize], values: impl IntoIterator<Item = T>) -> io::Result<()>;
 
-    /// The same for `values` that the scene holds in this order.
+    /// Adds the array `name` of `values` that the scene holds in this order.
     ///
     /// # Errors
     ///
@@ -45,7 +45,7 @@ impl<W: Write + Seek> ArrayWriter for NpzWriter<W> {
 ///
 /// # Errors
 ///
-/// Those of `writer`.
+/// The errors of `writer`.
 pub fn write_arrays(scene: &Scene, writer: &mut impl ArrayWriter) -> io::Result<()> {
     for (s, scale) in scene.scales.iter().enumerate() {
         let tensors = scale.cloud.len();

@@ -12,7 +12,7 @@ const POSITION_FREQUENCIES: i64 = 6;
 
 /// The parts that the programs of the family have in layouts of their own.
 pub(super) struct Parts {
-    /// In model space.
+    /// Bounds of the scene, in model space.
     pub(super) bounds: Aabb,
     pub(super) grid: [i64; 3],
     pub(super) density_ranks: Value<'static>,

@@ -48,7 +48,7 @@ pub fn write_glb(mesh: &Mesh, up: DVec3, mut out: impl Write) -> Result<(), Erro
     }
     view(&binary, VERTICES);
     for normal in &mesh.normals {
-        // In f32 unit vectors are as long as glTF asks for.
+        // In f32 unit vectors are as long as glTF requires.
         binary.extend(normal.as_vec3().to_array().map(f32::to_le_bytes).as_flattened());
     }
     view(&binary, VERTICES);

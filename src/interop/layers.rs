@@ -20,7 +20,7 @@ pub(super) fn vertices_of_block(first: UVec3) -> impl Iterator<Item = UVec3> {
 ///
 /// # Errors
 ///
-/// Those of `take`.
+/// The errors of `take`.
 pub(super) fn for_each_layer<E>(
     vertices: UVec3,
     fill: impl Fn(UVec3, &mut [f32]) + Sync,

@@ -21,7 +21,7 @@ const NO_VERTEX: u32 = u32::MAX;
 /// Triangles over shared vertices.
 #[derive(Debug, Default)]
 pub(super) struct Surface {
-    /// In cells from the first vertex of the grid.
+    /// Positions of the vertices, in cells from the first vertex of the grid.
     pub(super) positions: Vec<DVec3>,
     /// Counterclockwise seen from outside.
     pub(super) triangles: Vec<[u32; 3]>,

@@ -8,10 +8,10 @@ use crate::model::Frame;
 /// The space of exported coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Space {
-    /// That of the photographs' cameras.
+    /// Dataset space: the space of the photographs' cameras.
     #[default]
     Dataset,
-    /// That of the field.
+    /// Model space: the space of the field.
     Model,
 }
 

@@ -33,7 +33,7 @@ pub fn color_png(size: [u32; 2], colors: &[[f32; 3]]) -> Result<Vec<u8>, Error> 
 ///
 /// # Errors
 ///
-/// As [`color_png`].
+/// The errors of [`color_png`].
 pub fn color_jpeg(size: [u32; 2], colors: &[[f32; 3]], quality: u8) -> Result<Vec<u8>, Error> {
     Error::unless_size(size, colors.len())?;
     if colors.is_empty() {
@@ -49,7 +49,7 @@ pub fn color_jpeg(size: [u32; 2], colors: &[[f32; 3]], quality: u8) -> Result<Ve
 ///
 /// # Errors
 ///
-/// As [`color_png`].
+/// The errors of [`color_png`].
 pub fn opacity_png(size: [u32; 2], opacities: &[f32]) -> Result<Vec<u8>, Error> {
     let bytes: Vec<u8> = opacities.iter().map(|&v| byte(f64::from(v))).collect();
     encoded(size, opacities.len(), &bytes, ExtendedColorType::L8)
@@ -89,7 +89,7 @@ impl DepthCode {
 ///
 /// # Errors
 ///
-/// As [`color_png`].
+/// The errors of [`color_png`].
 pub fn depth_png(size: [u32; 2], depths: &[f64], code: DepthCode) -> Result<Vec<u8>, Error> {
     let full = f64::from(u16::MAX);
     // The encoder takes 16-bit samples in the machine's byte order.

@@ -132,11 +132,11 @@ pub struct OverBudget {
 pub struct CheckedProbes {
     /// Probes that were traced before the deadline.
     pub traced: usize,
-    /// By the reference.
+    /// Differences of the reference renderer to the probes.
     pub reference: ProbeReport,
-    /// By the CPU renderer.
+    /// Differences of the CPU renderer to the probes.
     pub cpu: ProbeReport,
-    /// As [`probe_density_error`], of the probes that were traced.
+    /// Largest error of the density feature, as [`probe_density_error`] measures it, of the probes that were traced.
     pub density_error: f64,
 }
 
@@ -217,7 +217,7 @@ pub fn probe_density_error(scene: &Scene, probes: &Probes) -> f64 {
     probes.probes.iter().map(|probe| density_error_of(&field, probe)).fold(0.0, f64::max)
 }
 
-/// The same of one probe; 0 if it is not compared.
+/// Error of the density feature at one probe; 0 if it is not compared.
 fn density_error_of(field: &ReferenceField<'_>, probe: &Probe) -> f64 {
     if probe.margin <= PROBE_MARGIN {
         return 0.0;

@@ -25,7 +25,7 @@ pub fn mse(a: &[[f32; 3]], b: &[[f32; 3]]) -> Result<f64, Error> {
 ///
 /// # Errors
 ///
-/// As [`mse`].
+/// The errors of [`mse`].
 pub fn psnr(a: &[[f32; 3]], b: &[[f32; 3]]) -> Result<f64, Error> {
     mse(a, b).map(psnr_of_mse)
 }

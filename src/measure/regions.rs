@@ -32,7 +32,7 @@ impl Region {
     /// All regions.
     pub const ALL: [Self; 5] = [Self::Background, Self::Silhouette, Self::Edge, Self::Highlight, Self::Surface];
 
-    /// Its name in reports.
+    /// Name of the region in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Background => "background",

@@ -63,7 +63,7 @@ impl ViewReport {
     ///
     /// # Errors
     ///
-    /// Those of [`SsimConvention::mean`].
+    /// The errors of [`SsimConvention::mean`].
     pub fn add(
         &mut self,
         conventions: &[SsimConvention],

@@ -20,7 +20,8 @@ pub enum SsimConvention {
     /// TensorFlow's `tf.image.ssim` (NeRF), mip-NeRF's `compute_ssim`, TensoRF's `rgb_ssim`, torchmetrics (nerfstudio), and
     /// scikit-image with `gaussian_weights=True, sigma=1.5, use_sample_covariance=False`.
     Nerf,
-    /// The same window at every pixel, with zeros around the picture: `loss_utils.ssim` of 3D Gaussian splatting.
+    /// A Gaussian window of 11×11 with σ = 1.5 at every pixel, with zeros around the picture: `loss_utils.ssim` of 3D
+    /// Gaussian splatting.
     GaussianSplatting,
     /// Equal weights of 7×7 pixels, sample variances, only windows that lie wholly in the picture: the defaults of
     /// scikit-image's `structural_similarity`, which pixelNeRF uses.
@@ -38,7 +39,7 @@ impl SsimConvention {
     /// All conventions.
     pub const ALL: [Self; 3] = [Self::Nerf, Self::GaussianSplatting, Self::ScikitImage];
 
-    /// Its name in options.
+    /// Name of the convention in options and, after `ssim_`, in results.
     pub fn name(self) -> &'static str {
         match self {
             Self::Nerf => "nerf",
@@ -92,7 +93,7 @@ impl SsimConvention {
 ///
 /// # Errors
 ///
-/// As [`SsimConvention::mean`].
+/// The errors of [`SsimConvention::mean`].
 pub fn ssim(size: [u32; 2], a: &[[f32; 3]], b: &[[f32; 3]]) -> Result<f64, Error> {
     SsimConvention::Nerf.mean(size, a, b)
 }

@@ -145,7 +145,7 @@ impl Factors {
         self.density.iter().chain(&self.appearance)
     }
 
-    /// As [`Factors::blocks`], to change.
+    /// The blocks of density, then those of appearance, to change.
     pub fn blocks_mut(&mut self) -> impl Iterator<Item = &mut Block> {
         self.density.iter_mut().chain(&mut self.appearance)
     }

@@ -26,18 +26,18 @@ const ORDINARY_EXTENT: [f64; 2] = [1.0 / 16.0, 16.0];
 /// One of the tensors that a point aggregates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neighbor {
-    /// Its number in the scale.
+    /// Number of the tensor in the scale.
     pub tensor: usize,
-    /// The point's distance to its center.
+    /// Distance from the point to the tensor's center, in model units.
     pub distance: f64,
-    /// Its weight w (spec 4.4).
+    /// Weight w of the tensor (spec 4.4).
     pub weight: f64,
 }
 
 /// A point with its neighbors.
 #[derive(Clone, Debug)]
 pub struct Point {
-    /// In model units.
+    /// Position of the point, in model units.
     pub position: DVec3,
     /// \[scale\] the neighbors, nearest first; empty if the scale does not cover the point.
     pub neighbors: Vec<Vec<Neighbor>>,

@@ -27,7 +27,7 @@ impl Scale {
         self.factors.parameter_count() + self.appearance_matrix.weights.len() as u64
     }
 
-    /// The same without components that are zero, which files leave out.
+    /// Number of factor entries and appearance weights without components that are zero, which files leave out.
     pub fn nonzero_parameter_count(&self) -> u64 {
         self.factors.nonzero_parameter_count(self.cloud.resolution) + self.appearance_matrix.weights.len() as u64
     }

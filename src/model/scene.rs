@@ -40,12 +40,12 @@ impl Scene {
         self.scales.iter().map(Scale::parameter_count).sum::<u64>() + self.shared_parameter_count()
     }
 
-    /// The same without components that are zero, which files leave out.
+    /// Number of trained parameters without components that are zero, which files leave out.
     pub fn nonzero_parameter_count(&self) -> u64 {
         self.scales.iter().map(Scale::nonzero_parameter_count).sum::<u64>() + self.shared_parameter_count()
     }
 
-    /// Those of the decoder and of the sky.
+    /// Number of trained parameters of the decoder and of the sky.
     fn shared_parameter_count(&self) -> u64 {
         self.decoder.parameter_count() + self.rules.sky.as_ref().map_or(0, |sky| sky.coefficients.len() as u64)
     }
@@ -78,7 +78,8 @@ impl Scene {
         self.check_given(false)
     }
 
-    /// As [`Scene::check`]. If `has_finite_factors` is true, they are not searched for other numbers, which takes long.
+    /// Checks the invariants like [`Scene::check`]. If `has_finite_factors` is true, the factors are not searched for
+    /// numbers that are not finite, which takes long.
     pub(crate) fn check_given(&self, has_finite_factors: bool) -> Result<(), BrokenInvariant> {
         self.frame.check()?;
         self.rules.check(&self.bounds)?;

@@ -17,7 +17,7 @@ pub enum Placement {
         /// Occupied cells.
         cells: Vec<UVec3>,
     },
-    /// These points.
+    /// Centers that are listed one by one.
     Explicit {
         /// Centers in model units.
         centers: Vec<DVec3>,

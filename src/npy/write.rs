@@ -12,7 +12,7 @@ const ALIGNMENT: usize = 64;
 
 /// A type of number that arrays hold.
 pub trait Element: Copy {
-    /// Its type in the file.
+    /// Type of the number in the file.
     const NUMBER: Number;
 
     /// Appends its bytes, least significant first.

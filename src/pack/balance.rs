@@ -14,7 +14,8 @@ pub fn balance(scene: &mut Scene) {
     }
 }
 
-/// The same for `block`, of tensors of `resolution` cells.
+/// Scales the factors of each component of `block`, of tensors of `resolution` cells, so that their largest numbers are
+/// equally large.
 pub fn balance_block(block: &mut Block, resolution: [u32; 3]) {
     let (factors, rank, len) = (block.form.factors(resolution), block.rank as usize, block.tensor_len(resolution));
     block.values.par_chunks_exact_mut(len).for_each(|values| {

@@ -9,7 +9,7 @@ use crate::render::{CpuRenderer, Renderer};
 /// Reference pictures that the pictures of scenes are compared with.
 #[derive(Clone, Debug)]
 pub struct Distortion {
-    /// In the model's space.
+    /// Cameras of the pictures, in model space.
     cameras: Vec<Camera>,
     /// \[camera\].
     pictures: Vec<ReferencePicture>,

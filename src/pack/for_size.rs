@@ -111,7 +111,7 @@ pub fn rounded_to_size(
     Ok(found.map(|candidate| (candidate.scene, candidate.options)))
 }
 
-/// Bytes of the file of `scene`, encoded as `options` say, without metadata.
+/// Bytes of the file of `scene`, encoded by `options`, without metadata.
 ///
 /// # Errors
 ///

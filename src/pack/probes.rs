@@ -13,8 +13,9 @@ const TOLERANCE: f64 = 1e-9;
 /// Samples of all rays that are traced, at most. Those of the usual 64 probes are a sixteenth of this.
 const MAX_SAMPLES: f64 = (1 << 22) as f64;
 
-/// Those of `probes` whose pixel and density feature are the reference's for `scene`, with the decision margin that they
-/// have in it if that is smaller. Probes whose rays together have too many samples to trace are left out, too.
+/// The probes among `probes` whose pixel and density feature are the reference's for `scene`, with the decision margin
+/// that they have in it if that is smaller. Probes whose rays together have too many samples to trace are left out,
+/// too.
 pub fn true_probes(scene: &Scene, probes: &Probes) -> Vec<Probe> {
     let (renderer, field) = (ReferenceRenderer::new(scene), ReferenceField::new(scene));
     let is_near = |found: f64, stored: f64| (found - stored).abs() <= TOLERANCE * stored.abs().max(1.0);

@@ -18,8 +18,8 @@ pub struct Views {
 
 /// `count` cameras with pictures of about `size` pixels along the longer side: `known` cameras at equal distances if
 /// there are any. Else cameras along and beside the turn of a scene that is seen from within, as far as the viewpoints
-/// `views` of its file say; else cameras around the bounds, most of them above the horizon, so near that the scene fills
-/// their pictures.
+/// `views` of its file define; else cameras around the bounds, most of them above the horizon, so near that the scene
+/// fills their pictures.
 pub fn probe_views(
     scene: &Scene,
     views: Option<&Viewpoints>,

@@ -17,7 +17,7 @@ pub enum Comparison {
 pub struct Place {
     /// The whole picture.
     pub whole: [f32; 4],
-    /// Its visible part.
+    /// The visible part of the picture.
     pub seen: [f32; 4],
 }
 

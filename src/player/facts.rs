@@ -8,9 +8,9 @@ use crate::model::Coverage;
 /// A line of the panel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fact {
-    /// Its subject.
+    /// Subject of the line.
     pub name: String,
-    /// Its text; untrusted texts are escaped.
+    /// Text of the line; untrusted texts are escaped.
     pub value: String,
 }
 

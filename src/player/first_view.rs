@@ -129,7 +129,7 @@ mod tests {
     #[test]
     fn unbounded_scenes_begin_at_a_camera_of_the_capture_and_orbit_what_it_looks_at() {
         let scene = unbounded();
-        // Cameras on all sides, outside of the inner cube; the bounds of contracted space say nothing of them.
+        // Cameras on all sides, outside of the inner cube; they do not follow from the bounds of contracted space.
         let cameras = circle(2.0 * PI, 4.0);
         let FirstView { stand, .. } = first_view(&scene, None, &cameras);
         assert!(cameras.iter().any(|camera| camera.pose == stand.pose), "{stand:?}");

@@ -24,7 +24,7 @@ pub trait Painter: Sized {
     ///
     /// # Errors
     ///
-    /// As [`Painter::new`].
+    /// The errors of [`Painter::new`].
     fn approximate(
         &mut self,
         device: &Self::Device,
@@ -110,7 +110,7 @@ impl<P: Painter> SceneSlot<P> {
     ///
     /// # Errors
     ///
-    /// As [`Painter::new`].
+    /// The errors of [`Painter::new`].
     pub fn new(step: Step, device: &P::Device, approximation: &Approximation) -> Result<Self, GpuError> {
         let Step { file, contents, scales, is_whole } = step;
         let facts = facts(&file, &contents, contents.file_length);
@@ -149,7 +149,7 @@ impl<P: Painter> SceneSlot<P> {
     ///
     /// # Errors
     ///
-    /// As [`Painter::approximate`].
+    /// The errors of [`Painter::approximate`].
     pub fn approximate(&mut self, device: &P::Device, approximation: &Approximation) -> Result<(), GpuError> {
         self.painter.approximate(device, &self.scene, approximation)?;
         self.drawing = None;

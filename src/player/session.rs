@@ -42,7 +42,7 @@ pub struct Session<P: Painter> {
     pub quality: Option<String>,
     /// Seconds that the last picture of full resolution took.
     pub seconds: Option<f64>,
-    /// The same before the settings changed.
+    /// Seconds that the last picture of full resolution took before the settings changed.
     pub seconds_before: Option<f64>,
     /// True if the display is out of date.
     pub is_dirty: bool,
@@ -409,7 +409,7 @@ impl<P: Painter> Session<P> {
     ///
     /// # Errors
     ///
-    /// As [`Session::approximate`].
+    /// The errors of [`Session::approximate`].
     pub fn choose(&mut self, name: &str) -> Result<bool, GpuError> {
         let Some(choice) = self.slots[0].as_ref().and_then(|slot| slot.choice(name)) else { return Ok(false) };
         self.approximate(&choice)?;

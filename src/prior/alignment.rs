@@ -11,7 +11,7 @@ use crate::model::UpAxis;
 
 /// Rays along each side of a picture, and largest number of cameras, for the share that is reported.
 const RAYS: (u32, usize) = (32, 100);
-/// The same for each tried change.
+/// Rays along each side of a picture, and largest number of cameras, for each tried change.
 const TRIED_RAYS: (u32, usize) = (16, 32);
 /// A smaller share is low. Scenes rarely fill less of their photographs, and almost no ray meets a misplaced prior.
 const LOW: f64 = 0.05;

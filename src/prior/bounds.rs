@@ -251,7 +251,7 @@ mod tests {
         assert!((1.9..2.9).contains(&near) && (3.0..5.0).contains(&far), "{near} {far}");
         let [unaided, end] = ray_range(&cameras, None);
         assert!(end < near, "the cameras alone end at {end}");
-        // Cells that no picture shows say nothing.
+        // Cells that no picture shows are no evidence.
         let above = VoxelBoxes { cells: vec![UVec3::new(30, 30, 90)], ..room };
         assert_eq!(ray_range(&cameras, Some(&above)), [unaided, end]);
     }

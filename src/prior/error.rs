@@ -59,7 +59,7 @@ pub enum Error {
     NotFinite {
         /// Boxes, points or centers.
         what: &'static str,
-        /// Its index, from 0.
+        /// Index of the position, from 0.
         index: usize,
         /// The found value.
         found: String,

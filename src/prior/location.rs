@@ -40,7 +40,7 @@ pub struct Location {
 ///
 /// # Errors
 ///
-/// Those of [`build()`] for the file of points. A file whose points have no extent counts as none.
+/// The errors of [`build()`] for the file of points. A file whose points have no extent counts as none.
 pub fn locate(
     points: Option<&Path>,
     bounds: Option<Aabb>,

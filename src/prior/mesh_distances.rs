@@ -20,7 +20,7 @@ const EDGE: f32 = 0.1;
 ///
 /// # Errors
 ///
-/// Those of [`import::read`].
+/// The errors of [`import::read`].
 pub fn mesh_distances(path: &Path, views: &mut [View]) -> Result<Option<f64>, ImportError> {
     let mut mesh = Mesh::default();
     import::read(path, &ReadOptions::default(), &mut mesh)?;

@@ -98,7 +98,7 @@ mod tests {
         runs.cells().map(|c| [c.z, c.y, c.x]).collect()
     }
 
-    /// By the definition, cell by cell.
+    /// The offsets of a ball of `radius` cells, by the definition, cell by cell.
     fn offsets(radius: f64) -> Vec<[i32; 3]> {
         let reach = radius.floor() as i32;
         let all =

@@ -21,7 +21,7 @@ pub(super) struct Parallelepiped {
 
 /// A convex body that [`meets`] a box or does not.
 pub(super) trait Convex {
-    /// Its corners.
+    /// Corners of the body.
     fn corners(&self) -> &[DVec3];
 
     /// The smallest axis-aligned box that contains it.
@@ -106,8 +106,8 @@ fn across(edge: DVec3) -> [DVec3; 3] {
     [DVec3::new(0.0, -edge.z, edge.y), DVec3::new(edge.z, 0.0, -edge.x), DVec3::new(-edge.y, edge.x, 0.0)]
 }
 
-/// True if `body` and the closed box `cell` intersect. Touching counts; a caller that wants it to count within rounding
-/// grows the box.
+/// True if `body` and the closed box `cell` intersect. Touching counts; a caller for which it has to count within
+/// rounding grows the box.
 pub(super) fn meets(body: &impl Convex, cell: &Aabb) -> bool {
     let bounds = body.bounds();
     if !(bounds.min.cmple(cell.max).all() && cell.min.cmple(bounds.max).all()) {

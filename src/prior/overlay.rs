@@ -27,7 +27,7 @@ const OPACITY: f32 = 0.5;
 pub enum Shading<'a> {
     /// A color of its own for each cell.
     Cells(&'a [[u8; 3]]),
-    /// By distance along the ray, in dataset units: red at the first, blue at the second.
+    /// Colors by distance along the ray, in dataset units: red at the first, blue at the second.
     Distance([f64; 2]),
 }
 

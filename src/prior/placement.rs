@@ -29,7 +29,7 @@ pub struct ScaleShape {
 }
 
 impl ScaleShape {
-    /// The same values on all axes.
+    /// A shape with the same values on all axes.
     pub fn cubic(pitch: f64, edge: f64, resolution: u32) -> Self {
         Self { pitch: [pitch; 3], edge: [edge; 3], resolution: [resolution; 3] }
     }

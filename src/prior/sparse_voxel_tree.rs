@@ -16,7 +16,7 @@ const MAX_LEVELS: u32 = 16;
 /// A tree of the occupied cells of a [`VoxelBoxes`].
 #[derive(Clone, Debug)]
 pub struct SparseVoxelTree {
-    /// Its origin is the smallest corner of the cells' bounds; the space is that of the boxes.
+    /// Lattice of the cells, in the space of the boxes. The origin is the smallest corner of the cells' bounds.
     lattice: Lattice,
     /// Levels of nodes below the root, which spans 4^levels cells along each axis.
     levels: u32,

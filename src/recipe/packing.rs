@@ -80,7 +80,7 @@ impl PackOptions {
         (f64::from(JUDGED.1) * self.effort.sqrt()).ceil() as u32
     }
 
-    /// As many of `usual` as the effort asks for.
+    /// As many of `usual` as the effort allows.
     fn as_many(&self, usual: usize) -> usize {
         (usual as f64 * self.effort).ceil() as usize
     }

@@ -8,10 +8,13 @@ use crate::field::{Activations, Field, Pool, Real, Samples, Stage, Work, add_com
 use crate::geometry::{Camera, Ray};
 use crate::model::{DecoderMode, Scene, softplus};
 
-/// Pixels along the edge of a tile. Its rays are marched together because they meet mostly the same tensors.
+/// Pixels along the edge of a tile. Its rays are marched together because they meet mostly the same tensors. Tiles of
+/// 8, 12, 20, 24 and 32 pixels are not faster (docs/experiments/2026-11-26-frame-in-tiles.md).
 const TILE: usize = 16;
 
 /// The most tiles that a thread takes at once: others wait for the last one's.
+/// Quarters of a picture, as a pool of two threads cuts it, left 5 % of a frame idle
+/// (docs/experiments/2026-11-26-learning-rates.md).
 const TILES_PER_TASK: usize = 4;
 
 /// Shaded samples that are decoded together: enough for efficient products, few enough that their rows stay in the
@@ -81,7 +84,9 @@ impl<T: Real> CpuRenderer<T> {
     /// If an option is out of range for this scene.
     pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, ApproximationError> {
         approximation.check(&scene)?;
+        // Raised thresholds need the scene's own, by which they give the weight of skipped samples to shaded ones.
         let own = approximation.reduce(&mut scene);
+        // Each scale's factors leave the scene as they are converted: 147 instead of 266 MB for a scene of 74 MB.
         Ok(Self { field: Field::taking(&mut scene), own })
     }
 
@@ -106,7 +111,7 @@ impl<T: Real> CpuRenderer<T> {
         self.field.parameter_bytes()
     }
 
-    /// As [`Renderer::trace`], with sample counts and, if `has_normals`, normals.
+    /// The pixels of `rays`, as [`Renderer::trace`] returns them, with sample counts and, if `has_normals`, normals.
     pub fn trace_info(&self, rays: &[Ray], has_normals: bool) -> Vec<TraceInfo> {
         map_chunks(
             rays,
@@ -148,6 +153,7 @@ impl<T: Real> CpuRenderer<T> {
     fn trace_chunk(&self, rays: &[Ray], scratch: &mut Scratch<T>, mut take: impl FnMut(Pixel)) -> Work {
         let Scratch { samples, activations } = scratch;
         self.field.march(rays, samples);
+        // In parts, so that the rows of a part are still in the cache from layer to layer.
         let max_shaded = match self.field.decoder.mode {
             DecoderMode::PerSample => MAX_ROWS,
             // One row per ray.
@@ -185,6 +191,7 @@ impl<T: Real> CpuRenderer<T> {
         let (mut weights_lost, mut distances_lost) = (T::zero(), T::zero());
         for &slot in &samples.order[samples.ray_range(ray)] {
             let weight = samples.weight(slot as usize);
+            // Plain sums lose fog entirely; the compensation takes no measurable time (docs/numerics.md).
             add_compensated(&mut weights, &mut weights_lost, weight);
             add_compensated(&mut distances, &mut distances_lost, weight * samples.distances[slot as usize]);
         }
@@ -197,6 +204,7 @@ impl<T: Real> CpuRenderer<T> {
     fn left_and_scale(&self, ray: usize, samples: &Samples<T>) -> (T, T) {
         let (rules, own) = (&self.field.rules, &self.own);
         let remaining = samples.remaining[ray];
+        // Without raised thresholds no bit of a picture changes.
         if OwnThresholds::of(rules) == *own {
             return (remaining, T::one());
         }
@@ -210,15 +218,18 @@ impl<T: Real> CpuRenderer<T> {
                 skipped += weight;
             }
         }
+        // No sample can take the weight.
         if shaded == T::zero() {
             return (remaining, T::one());
         }
         let has_ended = remaining < T::of(rules.min_transmittance);
+        // As much is left as the scene's own threshold could have left: otherwise the background would show through
+        // (docs/experiments/2026-11-29-raised-thresholds.md).
         let left = if has_ended { remaining.min(T::of(own.min_transmittance)) } else { remaining };
         (left, T::one() + (remaining - left + skipped) / shaded)
     }
 
-    /// As [`Renderer::render`], with time and counts by stage.
+    /// Renders like [`Renderer::render`], and returns time and counts by stage as well.
     pub fn render_with_work(&self, camera: &Camera) -> (Picture, Work) {
         let (width, height) = (camera.width, camera.height);
         let mut pixels = vec![Pixel::default(); width as usize * height as usize];
@@ -246,6 +257,7 @@ impl<T: Real> CpuRenderer<T> {
         let (mut rays, mut pixels) = (Vec::with_capacity(TILE * TILE), Vec::with_capacity(TILE * TILE));
         for (y, row) in (top..).zip(tile.rows) {
             for (x, pixel) in (left..).zip(row) {
+                // A lens may have no ray for a pixel: its distortion folds over.
                 match camera.ray(x, y) {
                     Some(ray) => {
                         rays.push(ray);

@@ -29,7 +29,7 @@ pub enum KeyframesError {
     /// Invalid JSON, or JSON of another layout. The source names line and column.
     #[error("not the JSON of a camera path: {0}")]
     Json(#[from] serde_json::Error),
-    /// Another format.
+    /// The key `format` has another value.
     #[error("`format` must be {FORMAT:?}, but is {0:?}")]
     Format(String),
     /// A version that this build does not support.
@@ -94,6 +94,7 @@ pub fn read_keyframes(bytes: &[u8]) -> Result<CameraPath, KeyframesError> {
     if bytes.len() as u64 > MAX_KEYFRAMES_BYTES {
         return Err(KeyframesError::TooLarge);
     }
+    // First the head alone, so that a file of another format or version is refused as such, not for a missing key.
     let Header { format, version } = serde_json::from_slice(bytes)?;
     if format != FORMAT {
         return Err(KeyframesError::Format(format));

@@ -51,7 +51,7 @@ impl<'a> ReferenceRenderer<'a> {
         self.trace_while(ray, || true).expect("nothing ends the march")
     }
 
-    /// As [`Self::trace_one`]; `None` if `goes_on`, which is asked before each sample, says no.
+    /// Marches one ray like [`Self::trace_one`]; `None` if `goes_on` returns false before some sample.
     pub fn trace_while(&self, ray: &Ray, goes_on: impl Fn() -> bool) -> Option<Trace> {
         let scene = self.field.scene();
         let rules = &scene.rules;

@@ -114,6 +114,7 @@ impl Turntable {
 
     fn of_known(scene: &Scene, known: &[Known], up: DVec3) -> Self {
         let count = known.len() as f64;
+        // Medians: a few cameras apart from the others must not move the turn.
         let position = DVec3::from([0, 1, 2].map(|a| median(known.iter().map(|k| k.pose.position[a]))));
         let mean_axis = known.iter().map(|k| k.axis().direction).sum::<DVec3>() / count;
         let convergence = |focus: &DVec3| {
@@ -192,6 +193,7 @@ impl Turntable {
         let (size, focal) = ([size; 2], self.focal([size; 2]));
         (0..count)
             .map(|n| {
+                // The golden angle spreads any number of cameras evenly.
                 let share = n as f64 * 0.5 * (3.0 - 5.0_f64.sqrt());
                 let beside = (2.4 * n as f64).sin();
                 let distance = self.distance() * (1.0 + BESIDE[0] * (1.7 * n as f64).sin());

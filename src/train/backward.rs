@@ -64,6 +64,7 @@ impl<T: Real> Backward<T> {
             .zip(rays.par_chunks(RAYS_PER_CHUNK).zip(targets.par_chunks(RAYS_PER_CHUNK)))
             .enumerate()
             .for_each(|(n, (chunk, (rays, targets)))| {
+                // Draws are by the ray's index in the batch, not by its place in a chunk.
                 let of_chunk = |t| Roulette { first_ray: (n * RAYS_PER_CHUNK) as u64, ..t };
                 let roulette =
                     BatchRoulette { color: roulette.color.map(of_chunk), density: roulette.density.map(of_chunk) };
@@ -105,6 +106,8 @@ impl<T: Real> Backward<T> {
     pub(super) fn network_gradients(&self) -> Vec<T> {
         const BLOCK: usize = 4096;
         let mut sums = vec![T::zero(); self.layout.len()];
+        // Threads share the weights, not the chunks: each sum runs over the chunks in their order, on any number of
+        // threads.
         sums.par_chunks_mut(BLOCK).enumerate().for_each(|(block, sums)| {
             for chunk in &self.chunks {
                 let gradients = &chunk.network_gradients[block * BLOCK..][..sums.len()];

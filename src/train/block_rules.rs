@@ -6,7 +6,7 @@ use std::sync::Arc;
 use crate::field::FieldFactors;
 use crate::model::Form;
 
-/// What the optimizer needs to know of the factors of a block.
+/// The rules of the optimizer for the factors of a block.
 #[derive(Clone, Debug)]
 pub(super) struct BlockRules(Arc<Rules>);
 
@@ -81,6 +81,7 @@ impl BlockRules {
         for (rows, weight) in &self.0.size {
             let at = rows.start * rank..rows.end * rank;
             for (g, &v) in gradients[at.clone()].iter_mut().zip(&factors[at]) {
+                // 0 has no sign: its gradient is 0, so zeros stay zeros.
                 let sign = if v > 0.0 { 1.0 } else { -1.0 };
                 *g += if v == 0.0 { 0.0 } else { weight * sign };
             }

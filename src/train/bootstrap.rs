@@ -33,7 +33,7 @@ const OVERLAP: f64 = 0.25;
 ///
 /// # Errors
 ///
-/// As [`prior::coarse::reconstruct`], and if training fails.
+/// The errors of [`prior::coarse::reconstruct`], and if training fails.
 pub fn bootstrap_prior(
     config: &TrainConfig,
     dataset: &Dataset,

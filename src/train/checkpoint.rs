@@ -32,7 +32,7 @@ pub struct Checkpoint {
     pub(super) factors: Vec<Vec<Moments<f32>>>,
     pub(super) networks: Moments<f32>,
     pub(super) worth: Worth,
-    /// [`super::Trainer::psnr`] before the first step, if [`super::LeanConfig::max_drop`] asks for it.
+    /// [`super::Trainer::psnr`] before the first step, if [`super::LeanConfig::max_drop`] is set.
     pub(super) psnr_at_start: Option<f64>,
     /// How factors are rounded, if they are; the scene beside the checkpoint then has the unrounded ones.
     pub(super) rounding: Option<Rounding>,
@@ -170,7 +170,9 @@ impl Checkpoint {
         tensors.push(("focal_lengths".into(), Dtype::F64, bytemuck::cast_slice(&focals)));
         tensors.push(("ray_errors".into(), Dtype::F32, bytemuck::cast_slice(&self.ray_errors.0)));
         tensors.push(("kept".into(), Dtype::U8, &self.active_rays));
+        // The scene's own file, so that scenes have one encoding.
         tensors.push(("scene".into(), Dtype::U8, scene_file));
+        // One order, so that a state has one file.
         tensors.sort_by(|a, b| a.0.cmp(&b.0));
         let mut hasher = crc32fast::Hasher::new();
         tensors.iter().for_each(|t| hasher.update(t.2));

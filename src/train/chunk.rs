@@ -16,10 +16,12 @@ use crate::field::{Activations, Field, MAX_LANES, Matrix, MatrixMut, Real, Roule
 use crate::geometry::Ray;
 use crate::model::{DecoderMode, Reduction};
 
-/// The share of a known distance by which visible samples may be nearer or farther.
+/// The share of a known distance by which visible samples may be nearer or farther. A loss on what is seen farther
+/// off gains 2 dB on photographs that were held out (docs/experiments/2026-11-25-regularizing.md).
 const DISTANCE_TOLERANCE: f32 = 0.03;
 
 /// Rays of a chunk, whatever the number of threads: results depend on it, so it is fixed.
+/// 128 are 10 % faster than 32 (docs/experiments/2026-11-21-step-optimizations.md).
 pub(crate) const RAYS_PER_CHUNK: usize = 128;
 
 /// The expected color of a ray.
@@ -132,6 +134,7 @@ impl<T: Real> Chunk<T> {
     ) {
         field.march(rays, &mut scratch.samples);
         field.select_shaded(&scratch.samples, roulette.color, &mut scratch.activations.shaded);
+        // The gradient of a weight needs the components of its own sample.
         scratch.activations.keeps_components = true;
         field.decode(rays, &mut scratch.samples, &mut scratch.activations);
         scratch.behind.clear();
@@ -149,6 +152,7 @@ impl<T: Real> Chunk<T> {
         scratch.samples.clock.lap(Stage::CompositeBackward);
         self.sort_pairs(field, scratch);
         let Samples { positions, clock, .. } = &mut scratch.samples;
+        // The chunk takes the positions, and the next march gets the buffer of the step before: nothing is copied.
         std::mem::swap(&mut self.positions, positions);
         clock.lap(Stage::ContributionOrder);
         self.work.clone_from(&clock.work);
@@ -175,10 +179,13 @@ impl<T: Real> Chunk<T> {
             self.squared_errors.push((squared / 3.0) as f32);
             self.squared_error += weight.f64() * squared;
             let gradient = error.map(|e| (e + e) * terms.color_scale * weight);
+            // The error is of mapped colors, and the scene learns unmapped ones: the gradient goes back through the
+            // map.
             let gradient = map.map_or(gradient, |map| map.pull_back(gradient.map(T::f64)).map(T::of));
             pixel_gradients.push(gradient);
             for term in activations.terms_of_ray(ray) {
                 let (weight, color) = (activations.weights[term], activations.colors[term]);
+                // c·(1 − c) is the derivative of the sigmoid.
                 term_gradients.extend([0, 1, 2].map(|i| gradient[i] * weight * color[i] * (T::one() - color[i])));
             }
         }
@@ -222,6 +229,7 @@ impl<T: Real> Chunk<T> {
                 };
                 if mode != DecoderMode::PerSample {
                     let weight = activations.composite_weights[ray_row];
+                    // ∂L/∂F·(f − F)/W: a sample's weight also moves the mean that is decoded.
                     sum += difference_along(
                         &self.component_gradients[ray_row * width..][..width],
                         &activations.components[c * width..][..width],
@@ -268,12 +276,15 @@ impl<T: Real> Chunk<T> {
             for i in 0..3 {
                 behind += samples.remaining[ray] * color_behind[i] * gradient[i];
             }
+            // Linear in the weights, so that a wrong point pulls no harder the farther off it is
+            // (docs/experiments/2026-11-25-regularizing.md).
             let [nearest, farthest] =
                 [-1.0, 1.0].map(|side| T::of_f32(targets[ray].distance * (1.0 + side * DISTANCE_TOLERANCE)));
             let weight = T::of_f32(targets[ray].weight);
             let is_known = distance_scale > T::zero() && targets[ray].distance > 0.0;
             let mut misplaced = if is_known { T::one() } else { T::zero() };
             let mut ray_range = shaded.ray_range(ray);
+            // From the end, so that `behind` is the sum over all samples behind without another pass.
             for &place in samples.order[samples.ray_range(ray)].iter().rev() {
                 let mut weight_gradient = T::zero();
                 let distance = samples.distances[place as usize];
@@ -306,6 +317,8 @@ impl<T: Real> Chunk<T> {
         let rows = scratch.activations.row_count();
         self.network_gradients.clear();
         self.network_gradients.resize(layout.len(), T::zero());
+        // A register of room at the end: a call that copied the last row kept the compiler from holding registers,
+        // and appearance gradients took 20 instead of 14 core ms (docs/experiments/2026-11-26-rays-by-error.md).
         self.component_gradients.resize(rows * field.component_count() + MAX_LANES, T::zero());
         if rows == 0 {
             return;
@@ -361,6 +374,7 @@ impl<T: Real> Chunk<T> {
             );
             if l > 0 {
                 for (g, &rectified) in input_gradients.iter_mut().zip(inputs) {
+                    // A select, not a branch, so that the loop vectorizes.
                     *g = if rectified > T::zero() { *g } else { T::zero() };
                 }
             }
@@ -413,6 +427,8 @@ impl<T: Real> Chunk<T> {
         open_rays: bool,
         scratch: &Scratch<T>,
     ) {
+        // A sky that learns from all rays takes the color of walls before their density grows, and then none does:
+        // 15.9 instead of 21.3 dB (docs/experiments/2026-11-25-surroundings.md).
         let Some(sky) = &field.sky else { return };
         let gradients = &mut self.network_gradients[layout.sky_at()..];
         for (n, ray) in rays.iter().enumerate().filter(|&(n, _)| !open_rays || scratch.samples.ray_range(n).is_empty())
@@ -427,6 +443,7 @@ impl<T: Real> Chunk<T> {
         let (samples, scales, tensors) = (&scratch.samples, field.scales.len(), field.tensor_count());
         let gradients = &scratch.feature_gradients;
         let counted = samples.order.iter().map(|&place| (place, 0, gradients[place as usize]));
+        // Dropped gradients have no pairs. Density and appearance are sorted apart, as few samples are shaded.
         let counted = counted.filter(|&(.., gradient)| gradient != T::zero());
         self.density_pairs.sort(samples, scales, tensors, counted);
         let shaded = scratch.activations.shaded.slots.iter().zip(0..).map(|(&place, shaded)| (place, shaded, T::one()));
@@ -437,6 +454,8 @@ impl<T: Real> Chunk<T> {
 /// Russian roulette on the small gradients of density features.
 #[inline(always)]
 fn density_roulette<T: Real>(roulette: Roulette, samples: &Samples<T>, gradients: &mut [T]) {
+    // Relative to the mean, as gradients shrink over a training. At a threshold of one mean, the density stage takes
+    // a fifth of its time (docs/experiments/2026-11-21-step-optimizations.md).
     let total: T = samples.order.iter().map(|&place| gradients[place as usize].abs()).sum();
     let mean = total.f64() / samples.len().max(1) as f64;
     let roulette = Roulette { below: roulette.below * mean, ..roulette };
@@ -451,6 +470,7 @@ fn density_roulette<T: Real>(roulette: Roulette, samples: &Samples<T>, gradients
 /// Σ gradient·(from − to).
 #[inline(always)]
 fn difference_along<T: Real>(gradient: &[T], from: &[T], to: &[T]) -> T {
+    // Sixteen sums, because the compiler may not reorder one: it would leave the loop scalar.
     let mut sums = [T::zero(); 16];
     let (gradients, gradient_rest) = gradient.as_chunks::<16>();
     let (froms, from_rest) = from.as_chunks::<16>();
@@ -481,6 +501,8 @@ fn encode_backward<T: Real>(field: &Field<T>, activations: &Activations<T>, grad
             let mut sum = *g;
             let mut frequency = T::one();
             for i in p * frequencies..(p + 1) * frequencies {
+                // The derivative of a sine is the cosine that the forward pass stored, and the other way around: no
+                // function is evaluated.
                 sum += frequency * (sine_gradients[i] * cosines[i] - cosine_gradients[i] * sines[i]);
                 frequency += frequency;
             }

@@ -128,6 +128,7 @@ impl DivergenceMonitor {
     ///
     /// If one is too large.
     pub(super) fn check_parameters(&self, field: &mut Field<f32>, config: &TrainConfig) -> Result<(), Divergence> {
+        // Every factor is read, so it is not done in every step.
         if self.steps > EARLY_STEPS && !self.steps.is_multiple_of(WINDOW as u64) {
             return Ok(());
         }

@@ -59,7 +59,7 @@ pub enum CheckpointError {
         /// The value in the checkpoint.
         found: String,
     },
-    /// Its settings cannot be read.
+    /// The settings in a checkpoint cannot be read.
     #[error("the checkpoint's settings: {0}")]
     Config(#[from] ConfigError),
 }

@@ -1,7 +1,8 @@
 //! Exposure and white balance of photographs: an affine map of the scene's colors for each, fitted while the scene trains.
 //!
-//! The maps follow in closed form from sums over the last batches, in which older rays count less and less. Their mean is
-//! the identity, so that the scene has the colors of the mean photograph.
+//! An affine map of least squares needs no learning rate. The maps follow in closed form from sums over the last
+//! batches, in which older rays count less and less. Their mean is the identity, so that the scene has the colors of
+//! the mean photograph.
 
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -42,7 +43,7 @@ const FITTED_FROM: f64 = 0.05;
 const DECIDED_AT: f64 = 0.1;
 /// Steps between two fits.
 const FIT_EVERY: u64 = 10;
-/// By how much an older step counts less than the next one.
+/// The factor by which an older step counts less than the next one.
 const FADING: f64 = 0.99;
 /// The weight of the identity in a fit, in rays.
 const RIDGE: f64 = 20.0;
@@ -60,7 +61,7 @@ pub struct Exposures {
 }
 
 impl Exposures {
-    /// Those of `views` photographs, not known yet.
+    /// The exposures of `views` photographs, not known yet.
     pub(super) fn new(setting: Exposure, views: usize) -> Self {
         Self { setting, sums: vec![ColorFit::default(); views], maps: Vec::new() }
     }
@@ -88,6 +89,8 @@ impl Exposures {
         let at = |share: f64| (share * steps as f64) as u64;
         if self.setting == Exposure::Auto {
             if step >= at(DECIDED_AT).max(1) {
+                // Decided once: photographs of one exposure lose on held-out photographs by maps of their own
+                // (docs/experiments/2026-11-25-exposure-poses.md).
                 self.setting = if self.gain() > WORTHWHILE { Exposure::On } else { Exposure::Off };
             }
         } else if step >= at(FITTED_FROM).max(1) && step.is_multiple_of(FIT_EVERY) {
@@ -111,6 +114,7 @@ impl Exposures {
         let mean: DMat3 = maps.iter().map(|map| share * map.matrix).sum();
         let offset: DVec3 = maps.iter().map(|map| share * map.offset).sum();
         for map in &mut maps {
+            // Otherwise scene and maps could drift together, without a change of any error.
             map.matrix += DMat3::IDENTITY - mean;
             map.offset -= offset;
         }

@@ -1,5 +1,6 @@
 //! Gradients of the tensors' factors. One task owns a block of a tensor: it walks the tensor's pairs in the order of chunk
-//! and sample, so its factors and their gradient stay in cache and have one writer.
+//! and sample, so its factors and their gradient stay in cache and have one writer: no atomics, no copies of all
+//! gradients, and sums in the same order on any number of threads.
 
 use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::{Arch, Simd, WithSimd};
@@ -64,6 +65,8 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
         let center = block.centers[n];
         let tensor = block.first_tensor + n;
         let rank = factors.len() / block.rows;
+        // Whole registers in each row: a call that copied what is left of one kept the compiler from holding
+        // registers (docs/experiments/2026-11-26-rays-by-error.md).
         let stride = rank.next_multiple_of(T::lanes::<S>());
         let factors = pad_rows(factors, rank, stride, padded);
         reset(values, block.rows * stride);
@@ -73,6 +76,7 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
                 for pair in chunk.density_pairs.of(tensor) {
                     *has_samples = true;
                     let at = block.vertices.at(offset(chunk.positions[pair.place as usize], center));
+                    // A density feature is a plain sum, so all components have the same gradient.
                     let gradient = T::splat(simd, pair.weight);
                     block.add(
                         simd,
@@ -100,9 +104,13 @@ impl<T: Real> WithSimd for Accumulate<'_, T> {
             for pair in chunk.appearance_pairs.of(tensor) {
                 *has_samples = true;
                 let ShadedGradient { row, share, own } = chunk.shaded_gradients[pair.shaded as usize];
+                // The gradient of a sample's components follows from the row of its ray. Storing it for all samples
+                // took two thirds of the memory of a step.
                 let share = T::splat(simd, pair.weight * share);
                 let gradients = &chunk.component_gradients[row as usize * width + begin..];
                 let [x, y, z] = own;
+                // Three splats, not a `map`: such a call keeps the compiler from holding registers across it
+                // (docs/experiments/2026-11-26-rays-by-error.md).
                 let own =
                     [T::splat(simd, pair.weight * x), T::splat(simd, pair.weight * y), T::splat(simd, pair.weight * z)];
                 let at = block.vertices.at(offset(chunk.positions[pair.place as usize], center));
@@ -208,7 +216,7 @@ impl<'a, T: Real> BlockGeometry<'a, T> {
         field.scales.iter().map(&mut of_scale).collect()
     }
 
-    /// The same, of tensors with these centers.
+    /// The geometry of this block's tensors with these centers.
     pub(super) fn at<'b>(self, centers: &'b [[T; 3]]) -> BlockGeometry<'b, T>
     where
         'a: 'b,
@@ -256,6 +264,7 @@ fn between<T: Real, S: Simd>(simd: S, rows: &[T], stride: usize, fraction: T::Re
 /// Shares `gradient` between two of `rows`, the first of which is there, by `fraction`.
 #[inline(always)]
 fn share<T: Real, S: Simd>(simd: S, rows: &mut [T], stride: usize, fraction: T::Register<S>, gradient: T::Register<S>) {
+    // The lower part is the rest, so that both always add up to the gradient.
     let to_upper = T::times(simd, fraction, gradient);
     let to_lower = T::minus(simd, gradient, to_upper);
     T::store(simd, rows, T::plus(simd, T::load(simd, rows), to_lower));
@@ -285,6 +294,7 @@ fn add_to_vectors<T: Real, S: Simd>(
         }
         let gradient = component(first);
         let [x, y, z] = values;
+        // Five products for three gradients, instead of six.
         let with_x = T::times(simd, gradient, x);
         let of_axes =
             [T::times(simd, T::times(simd, gradient, y), z), T::times(simd, with_x, z), T::times(simd, with_x, y)];

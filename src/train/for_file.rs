@@ -11,6 +11,7 @@ use crate::model::Scene;
 /// The share of the steps at the end over which learning rates fall to 0.
 const COOLDOWN: f64 = 0.5;
 /// The share of the steps after which matrices and decoder are rounded too.
+/// From the first step on is no better (docs/experiments/2026-11-27-rounded-networks.md).
 const NETWORKS_FROM: f64 = 0.5;
 
 impl Checkpoint {
@@ -32,6 +33,8 @@ impl Trainer<'_> {
         [start, goal]: [u64; 2],
         steps: u64,
     ) {
+        // Steps and components are chosen once: rounds that choose anew restart the optimizer, and lose more than
+        // they gain (docs/experiments/2026-11-27-trained-for-size.md).
         self.config = tuned(&self.config, &scene, steps);
         (self.config.cooldown, self.config.refine_poses) = (COOLDOWN, false);
         self.restart_from(scene, steps);
@@ -48,7 +51,7 @@ impl Trainer<'_> {
         self.checkpoint.rounding.as_ref()
     }
 
-    /// The same, to change the loss of a bit.
+    /// How factors are rounded, if they are, to change the loss of a bit.
     pub fn rounding_mut(&mut self) -> Option<&mut Rounding> {
         self.checkpoint.rounding.as_mut()
     }

@@ -1,4 +1,4 @@
-//! The rounds in which a run gives up components and cells; `lean.rs` tells which.
+//! The rounds in which a run gives up components and cells; `lean.rs` chooses them.
 
 use super::lean::{self, Kept, Ranking, Worth};
 use super::{Checkpoint, RayBatch, Trainer, march_step, upsample};
@@ -17,7 +17,7 @@ impl Trainer<'_> {
         self.measuring_rays(&self.field).psnr(&self.field)
     }
 
-    /// As [`Trainer::psnr`], of another `scene`.
+    /// PSNR of another `scene` on the rays of [`Trainer::psnr`], in dB.
     pub fn psnr_of(&self, scene: &Scene) -> f64 {
         let field = Field::new(scene);
         self.measuring_rays(&field).psnr(&field)
@@ -41,6 +41,8 @@ impl Trainer<'_> {
         let shared = self.backward.layout.len() as u64;
         let ranking = Ranking::new(&self.field, &self.checkpoint.worth, &resolutions, shared);
         let allowance = match (lean.max_drop, self.checkpoint.psnr_at_start) {
+            // A loss is kept by giving up less as it is approached, not by undoing rounds: undoing would need a
+            // second scene in memory and in each checkpoint.
             (Some(most), Some(before)) => ALLOWED_SHARE * (most - (before - self.psnr())).max(0.0),
             _ => f64::INFINITY,
         };
@@ -68,6 +70,8 @@ impl Trainer<'_> {
             if saved == 0 {
                 continue;
             }
+            // Tried and taken back: what a resolution costs does not follow from gradients, since it moves all
+            // factors at once.
             let kept = (self.field.scales[s].clone(), self.field.rules.step);
             self.set_cells(s, to);
             let rise = 10f64.powf(0.1 * (before - rays.psnr(&self.field)));
@@ -86,6 +90,7 @@ impl Trainer<'_> {
         let scale = &self.field.scales[s];
         for (moments, block) in self.checkpoint.factors[s].iter_mut().zip(scale.blocks()) {
             for moments in [&mut moments.first, &mut moments.second] {
+                // Moments are resampled along, so that the optimizer does not start anew.
                 let resample = |values: &[f32], rank| upsample(block.form(), values, rank, from, to);
                 let resampled = block.held().resampled(moments, resample);
                 *moments = resampled.flatten().collect();
@@ -121,6 +126,8 @@ impl Trainer<'_> {
             {
                 moments.rearrange(block.held(), &held, &order);
                 block.rearrange(held, &order);
+                // Density components are a sum, in any order. Appearance components are columns of the matrix, which
+                // move along.
                 if b < of_density {
                     continue;
                 }

@@ -34,6 +34,7 @@ pub fn initial_scene(
         Coverage::Any => boxes.reduce(|a, b| a.union(&b)),
     }
     .unwrap_or(Aabb::EMPTY);
+    // The bounds of contracted space are those of all space.
     let bounds = contraction.map_or(bounds, |contraction| contraction.bounds());
     if !bounds.is_solid() {
         return Err(ConfigError::Value {
@@ -45,6 +46,8 @@ pub fn initial_scene(
     let features = config.decoder.features;
     let scales = (config.scales.iter().zip(clouds).enumerate())
         .map(|(s, (scale, cloud))| {
+            // A stream for each scale and a number for each index: the start does not depend on threads or on other
+            // scales.
             let normal = Random::new(config.seed, "factors").substream(s as u64);
             let [density, appearance] = scale.forms();
             let mut factors = Factors::zeros(cloud.len(), cloud.resolution, [&density, &appearance]);

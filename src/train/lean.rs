@@ -58,6 +58,7 @@ impl Worth {
 /// A component is linear in each of its factors, so the derivative along the first is that of its magnitude.
 #[inline(always)]
 pub(super) fn add_squares<T: Real>(rises: &mut [f64], factors: &[T], gradients: &[T], rows: usize, weight: f64) {
+    // Sums of a register's width, so that the loop over rows keeps them in registers.
     const BLOCK: usize = 16;
     let rank = rises.len();
     for (block, rises) in rises.chunks_mut(BLOCK).enumerate() {
@@ -99,7 +100,7 @@ pub(super) struct Ranking {
 
 /// A component that can be given up.
 struct Candidate {
-    /// Its worth, in dB of PSNR per parameter.
+    /// Worth of the component, in dB of PSNR per parameter.
     worth: f64,
     /// Scale, block, tensor; and the component.
     index: [usize; 3],
@@ -136,6 +137,7 @@ impl LeanConfig {
     pub(super) fn kept(&self, field: &Field<f32>, ranking: Ranking, round: u32, allowance: f64) -> Vec<Vec<Kept>> {
         let Ranking { orders, candidates, total } = ranking;
         let (mut max_loss, most) = self.goals(round, total);
+        // A picture of fog depends on no component: all would go.
         if self.max_drop.is_none() && candidates.iter().map(Candidate::loss).sum::<f64>() < LEAST_WORTH {
             max_loss = 0.0;
         }
@@ -146,6 +148,8 @@ impl LeanConfig {
             let loss_of_one_percent = candidate.worth * left as f64 / 100.0;
             spent += candidate.loss();
             let loss = DECIBELS * (spent / DECIBELS).ln_1p();
+            // The price of one percent, not of one parameter: fewer parameters left make each of them dearer, which
+            // ends the giving up (docs/experiments/2026-11-26-adam.md).
             let is_worth_its_place = loss_of_one_percent >= max_loss || left <= least || loss > allowance;
             if is_worth_its_place && left <= most {
                 break;
@@ -206,6 +210,8 @@ fn orders(scale: &FieldScale<f32>, rises: &[Vec<f64>]) -> Vec<Vec<u16>> {
             for of_tensor in rises.chunks_exact(held.rank()) {
                 totals.iter_mut().zip(of_tensor).for_each(|(total, rise)| *total += rise);
             }
+            // One order for all tensors, so that each holds the first components and no zeros between; in any order,
+            // memory was 70 % more.
             order.sort_by(|&a, &b| totals[b as usize].total_cmp(&totals[a as usize]));
         }
         order
@@ -261,6 +267,7 @@ fn candidates(field: &Field<f32>, worth: &Worth, orders: &[Vec<Vec<u16>>], resol
             for tensor in 0..held.tensors() {
                 let rises = &worth.rises[s][b][held.range(tensor)];
                 let (components, mut rises) = in_order(&orders[s][b], held.of(tensor), rises);
+                // A later component cannot stay without an earlier one, so both count as their mean.
                 if b >= scale.density.len() {
                     make_non_increasing(&mut rises);
                 }

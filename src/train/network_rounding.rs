@@ -6,6 +6,9 @@ use crate::container::{NetworkSteps, step, step_code};
 use crate::field::{Field, FieldDecoder};
 
 /// Bits of the numbers of matrices and decoder in a file.
+/// The bytes of finer weights are missing elsewhere in a small file
+/// (docs/experiments/2026-11-27-noise-and-tables.md). Rounding costs 0.03 dB at most
+/// (docs/experiments/2026-11-27-rounded-networks.md).
 pub const NETWORK_BITS: u8 = 8;
 
 /// The largest integer of these bits.
@@ -14,7 +17,7 @@ const LARGEST: f32 = ((1 << (NETWORK_BITS - 1)) - 1) as f32;
 /// The unrounded shared weights of a trainer, without the sky's coefficients, which no file rounds.
 #[derive(Debug)]
 pub(super) struct UnroundedNetworks {
-    /// In the order of the flat vector ([`super::NetworkLayout`]).
+    /// Unrounded weights, in the order of the flat vector ([`super::NetworkLayout`]).
     values: Vec<f32>,
     /// \[row\] the length of each group that has one step in a file (spec 3.3), in the same order.
     rows: Vec<usize>,
@@ -56,6 +59,7 @@ impl UnroundedNetworks {
         self.rows.iter().map(move |&length| {
             let (row, after) = rest.split_at(length);
             rest = after;
+            // The finest step that reaches the largest weight, in each step anew: weights grow in training.
             let largest = row.iter().fold(0.0f32, |largest, v| largest.max(v.abs()));
             (row, step_code(largest / LARGEST))
         })

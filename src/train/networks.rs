@@ -53,7 +53,7 @@ pub fn network_parts<T: Real>(field: &mut Field<T>) -> impl Iterator<Item = &mut
     decoder_parts(decoder).chain(sky.iter_mut().map(|sky| sky.coefficients.as_mut_slice()))
 }
 
-/// Those of matrices and layers.
+/// The weights and biases of the appearance matrices and of the decoder's layers, in a fixed order.
 pub(super) fn decoder_parts<T>(decoder: &mut FieldDecoder<T>) -> impl Iterator<Item = &mut [T]> {
     std::iter::once(decoder.appearance.as_mut_slice())
         .chain(decoder.layers.iter_mut().flat_map(|l| [l.weights.as_mut_slice(), l.bias.as_mut_slice()]))

@@ -42,6 +42,7 @@ impl<T: Real> TensorPairs<T> {
         // moves from the first index of those of n to their end.
         self.starts.clear();
         self.starts.resize(tensors + 2, 0);
+        // Counted first, so that pairs are written once, into memory of their exact size.
         for (place, ..) in sources.clone() {
             for pair in pairs_at(place) {
                 self.starts[pair.tensor as usize + 2] += 1;

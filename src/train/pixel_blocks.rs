@@ -1,6 +1,7 @@
 //! Square blocks of pixels.
 
 /// Pixels along the sides of a block.
+/// Blocks of 4×4 pixels are no better (docs/experiments/2026-11-26-rays-by-error.md).
 const BLOCK_SIDE: u32 = 8;
 
 /// The blocks of photographs.
@@ -12,7 +13,7 @@ pub(super) struct Blocks {
 }
 
 impl Blocks {
-    /// Those of photographs of these widths and heights.
+    /// The blocks of photographs of these widths and heights, in pixels.
     pub(super) fn new(sizes: impl Iterator<Item = [u32; 2]>) -> Self {
         let mut blocks = Self::default();
         for size in sizes {

@@ -7,7 +7,8 @@ const BLOCK: u64 = 512;
 /// Words of a block.
 const WORDS: usize = (BLOCK / 64) as usize;
 
-/// A set of pixels: a bit for each, and the number of members before each block.
+/// A set of pixels: a bit for each, and the number of members before each block. A list of members takes 256 MB instead
+/// of 8 MB for 100 photographs of 800×800.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PixelSet {
     /// Bit p % 64 of word p / 64 is that of pixel p.
@@ -54,6 +55,7 @@ impl PixelSet {
     ///
     /// If there are not as many.
     pub(super) fn member(&self, n: u64) -> u64 {
+        // A binary search over blocks, then at most eight words.
         let block = self.before.partition_point(|&before| u64::from(before) <= n) - 1;
         let mut rest = (n - u64::from(self.before[block])) as u32;
         let first = block * WORDS;

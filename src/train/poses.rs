@@ -1,10 +1,11 @@
 //! Refinement of camera poses, and of focal lengths, while a scene trains.
 //!
 //! Every so many steps, each photograph's camera takes a damped Gauss-Newton step toward the pose at which the scene looks
-//! most like the photograph, on random pixels. The derivatives of colors by the pose are central differences of rendered
+//! most like the photograph, on random pixels. Steps of second order are few, and the field needs no derivative by
+//! position, which jumps between cells. The derivatives of colors by the pose are central differences of rendered
 //! colors, half a pixel to either side: they are exact where factors are linear, smooth out what is finer than a pixel,
-//! and need nothing of the field but its colors. Focal lengths grow by one factor for all photographs, which is found with
-//! the poses eliminated: a camera that zooms out and moves closer sees nearly the same.
+//! and need nothing of the field but its colors. Focal lengths grow by one factor for all photographs, which is found
+//! with the poses eliminated: a camera that zooms out and moves closer sees nearly the same.
 
 use glam::{DMat3, DVec3};
 
@@ -65,6 +66,8 @@ pub(super) fn refined(
         let grown = refinements.iter().zip(&steps).map(|(refinement, step)| refinement.best(step, growth));
         let (cameras, costs): (Vec<_>, Vec<_>) = grown.unzip();
         let keeps_rays = || refinements.iter().zip(&cameras).all(|(r, camera)| sees_as_much(camera, &r.camera));
+        // One factor for all photographs, as a capture mostly has one zoom; it is kept only if all together fit
+        // better.
         if costs.iter().sum::<f64>() < steps.iter().map(|step| step.cost).sum() && keeps_rays() {
             return cameras;
         }
@@ -132,6 +135,7 @@ impl Refinement<'_> {
                 }
             }
         }
+        // A direction without any slope would make the system singular.
         let floor = 1e-6 * (0..GROWTH).map(|i| system[i][i]).fold(0.0, f64::max);
         for (i, row) in system.iter_mut().enumerate().take(parameters) {
             row[i] += DAMPING * row[i] + floor;
@@ -139,7 +143,7 @@ impl Refinement<'_> {
         Step { cost: cost(&here), reduced: reduced(system) }
     }
 
-    /// The best camera after a growth of its focal lengths, moved as `step` says or not, and its cost.
+    /// The best camera after a growth of its focal lengths, moved by `step` or not, and its cost.
     fn best(&self, step: &Step, growth: f64) -> (Camera, f64) {
         let mut by = [0.0; 7];
         by[GROWTH] = growth;
@@ -148,10 +152,12 @@ impl Refinement<'_> {
         let Some(reduced) = step.reduced else { return (still, still_cost) };
         let pose = &mut by[..GROWTH];
         pose.iter_mut().zip(&reduced).for_each(|(v, row)| *v = row[7] - row[GROWTH] * growth);
+        // At most some pixels, as far as the linear model holds.
         let length = pose.iter().map(|v| v * v).sum::<f64>().sqrt();
         pose.iter_mut().for_each(|v| *v *= (2.0 * MAX_MOVE / length).min(1.0));
         let moved = self.moved(&by);
         let moved_cost = cost(&self.differences(&moved));
+        // A linear step may overshoot, so it is taken only if it fits better.
         if moved_cost < still_cost { (moved, moved_cost) } else { (still, still_cost) }
     }
 

@@ -55,6 +55,7 @@ impl<'a> RaySampler<'a> {
 
     /// Makes the rays active that have at least one sample in `field` or, if it has a sky, see it, and no others.
     pub fn filter_rays<T: Real>(&mut self, field: &Field<T>) {
+        // Rows as tasks: photographs are too few and pixels too many.
         let rows: Vec<(usize, u32)> = (self.cameras.iter().enumerate())
             .flat_map(|(v, camera)| (0..camera.height).map(move |row| (v, row)))
             .collect();
@@ -62,6 +63,7 @@ impl<'a> RaySampler<'a> {
             let camera = &self.cameras[v];
             let first = self.firsts[v] + u64::from(row * camera.width);
             let counts = |column: u32| self.views[v].counts((row * camera.width + column) as usize);
+            // A sky learns from rays that meet nothing.
             let is_active = |column: &u32| {
                 let Some(ray) = camera.ray(*column, row).filter(|_| counts(*column)) else { return false };
                 vectorized(
@@ -151,6 +153,8 @@ impl<'a> RaySampler<'a> {
     /// active, each comes once before any comes again.
     pub fn pixel(&self, order: &Random, draw: u64) -> u64 {
         let active = self.active.len() as u64;
+        // A permutation that is computed, not stored: any draw is known from its index, so that runs resume and
+        // threads share nothing.
         self.active.member(order.substream(draw / active).permuted(draw % active, active))
     }
 
@@ -176,6 +180,7 @@ impl<'a> RaySampler<'a> {
     pub fn ray(&self, pixel: u64, draw: u64) -> (Ray, Target) {
         let (view, column, row) = self.place(pixel);
         let ray = self.cameras[view].ray(column, row).expect("active pixels have a ray");
+        // By draw, so that a resumed run has the same backgrounds.
         let background = match &self.random {
             Some((random, transparent)) if transparent[view] => [0, 1, 2].map(|c| random.uniform(3 * draw + c) as f32),
             _ => self.background,

@@ -40,6 +40,7 @@ impl RayBatch {
         };
         let drawn: Vec<_> = pixels.par_iter().map(ray_of).collect();
         let mut order: Vec<(u64, usize)> = drawn.iter().map(|d| d.0).zip(0..).collect();
+        // Ties are broken by the draw, so the order depends on the rays alone.
         order.sort_unstable();
         let in_order = || order.iter().map(|&(_, n)| &drawn[n]);
         let rays = in_order().map(|d| d.1).collect();

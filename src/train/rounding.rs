@@ -3,6 +3,9 @@
 //! A factor is an integer times the step of its component. The gradient at the rounded factors moves the unrounded ones
 //! (straight-through estimation; Bengio, Léonard and Courville, 2013). To the loss comes what the integers cost in the
 //! file: their bits, estimated from the differences to their predictions along a vector (spec 2.5).
+//!
+//! Factors are rounded from the first step on. Noise of a step's width in their place, for some of the steps, is no
+//! better (docs/experiments/2026-11-27-noise-and-tables.md).
 
 use std::ops::Range;
 
@@ -10,6 +13,7 @@ use crate::container::step;
 use crate::field::{Field, FieldFactors, FieldScale, HeldComponents};
 
 /// An integer that differs from its prediction by e takes log₂(1 + `GROWTH`·e²)/2 bits more than one that does not.
+/// The coder's own tables in place of this formula gain nothing (docs/experiments/2026-11-27-noise-and-tables.md).
 const GROWTH: f32 = 8.0;
 /// The share of a number that predicts the next one of its vector.
 const PREDICTED: f32 = 0.8;
@@ -25,11 +29,11 @@ pub struct Rounding {
     pub(super) codes: Vec<Vec<Vec<u8>>>,
     /// The loss of a bit, in mean squared error.
     pub bit: f64,
-    /// That at the start.
+    /// The loss of a bit at the start.
     pub first_bit: f64,
     /// The bytes that the scene should have, without metadata.
     pub goal: u64,
-    /// Those that it had at the start.
+    /// The bytes that the scene had at the start, without metadata.
     pub start: u64,
 }
 
@@ -108,6 +112,7 @@ impl UnroundedTensor<'_> {
         optimizer: impl FnOnce(&mut [f32], &[f32]),
     ) {
         let Some(unrounded) = unrounded else { return optimizer(factors, gradients) };
+        // Before the optimizer: bits are a part of the loss.
         unrounded.add_bits(bit, vectors, gradients);
         optimizer(unrounded.factors, gradients);
         unrounded.round(factors);
@@ -122,12 +127,15 @@ impl UnroundedTensor<'_> {
                 let is_first = row == vector.start;
                 for (c, &step) in self.steps.iter().enumerate() {
                     let at = row * rank + c;
+                    // A component of zeros has no step and no bits.
                     let per_step = if step > 0.0 { 1.0 / step } else { 0.0 };
                     let predicted = if is_first { 0.0 } else { PREDICTED * self.factors[at - rank] };
                     let e = (self.factors[at] - predicted) * per_step;
+                    // The derivative of log₂(1 + GROWTH·e²)/2.
                     let slope = scale * per_step * e / (1.0 + GROWTH * e * e);
                     gradients[at] += slope;
                     if !is_first {
+                        // A number also moves the prediction of the next one.
                         gradients[at - rank] -= PREDICTED * slope;
                     }
                 }

@@ -144,7 +144,7 @@ impl<'a> Trainer<'a> {
         self.checkpoint.step
     }
 
-    /// Those, and the steps of the trainings before this run.
+    /// Steps of this run and of the trainings that it continues.
     pub fn steps_in_all(&self) -> u64 {
         self.steps_before + self.checkpoint.step
     }
@@ -222,6 +222,8 @@ impl<'a> Trainer<'a> {
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let mut clock = StageClock::default();
         let TrainConfig { batch_rays, ray_candidates, .. } = self.config;
+        // A few pixels have most of the error: drawing them more often gains 0.3 dB for a twentieth of the time
+        // (docs/experiments/2026-11-26-rays-by-error.md).
         let errors = &self.checkpoint.ray_errors;
         let drawn = errors.draw(&self.sampler, &self.order, self.checkpoint.step, batch_rays, ray_candidates);
         let (RayBatch { rays, targets }, blocks) = RayBatch::of_pixels(&self.sampler, &self.field, &drawn);
@@ -254,6 +256,7 @@ impl<'a> Trainer<'a> {
         clock.skip();
         self.update_networks();
         clock.lap(Stage::Optimizer);
+        // A stage that all threads work on is booked as core seconds, like those that tasks time themselves.
         clock.work.seconds.iter_mut().for_each(|s| *s *= threads);
         let square_weight = lean::square_weight(mean_squared_error, weighted, rays.len());
         self.update_factors(square_weight, &mut clock.work);
@@ -268,8 +271,12 @@ impl<'a> Trainer<'a> {
     fn adam(&self, start: f64, weight_decay: f64) -> Adam<f32> {
         let since_restart = self.checkpoint.step - self.checkpoint.restarted_at;
         let along = (since_restart - 1) as f64 / self.config.steps as f64;
+        // Exponential. Along a cosine it brought nothing (docs/experiments/2026-11-21-training-settings.md).
         let decay = self.config.learning_rate_decay.powf(along);
         let left = (self.last_step + 1).saturating_sub(self.checkpoint.step) as f64;
+        // Training rays gain 1.1 dB over the cooldown at full size: much of the error of late steps is their noise
+        // (docs/experiments/2026-11-26-adam.md). Means of parameters do no better
+        // (docs/experiments/2026-11-27-averages.md).
         let cooled = (left / (self.config.cooldown * self.config.steps as f64)).min(1.0);
         Adam::new(start * decay * cooled, weight_decay, since_restart)
     }
@@ -279,6 +286,8 @@ impl<'a> Trainer<'a> {
         let [of_networks, of_sky] = [rate, self.config.sky_learning_rate].map(|rate| self.adam(rate, 0.0));
         let sky_at = self.backward.layout.sky_at();
         let gradients = self.backward.network_gradients();
+        // Gradients at the rounded weights move the unrounded ones, or steps below half a rounding step would be
+        // lost.
         let mut unrounded = self.unrounded_networks.as_mut().map_or(&mut [][..], UnroundedNetworks::values_mut);
         let Moments { first, second } = &mut self.checkpoint.networks;
         let mut at = 0;
@@ -310,6 +319,7 @@ impl<'a> Trainer<'a> {
         for (s, (scale, geometries)) in self.field.scales.iter_mut().zip(geometries).enumerate() {
             let tensors = scale.len();
             let unrounded = Unrounded::of_scale(&mut self.unrounded, s, scale);
+            // Taken out, because the factors are borrowed to be changed.
             let centers = std::mem::take(&mut scale.centers);
             let states = self.checkpoint.factors[s].iter_mut().zip(&mut self.checkpoint.worth.rises[s]);
             let mut updates = Vec::with_capacity(geometries.len() * tensors);
@@ -338,6 +348,8 @@ impl<'a> Trainer<'a> {
                         #[inline(always)]
                         || {
                             let is_of_density = geometry.appearance.is_none();
+                            // Appearance without a gradient stays as it is, so a tensor without shaded samples needs
+                            // no pass at all. Density has a gradient everywhere, that of its size.
                             if !is_of_density && !gradient.has_samples {
                                 return;
                             }
@@ -346,6 +358,7 @@ impl<'a> Trainer<'a> {
                                 add_squares(rises, values, gradients, rules.first_factor_rows(), square_weight);
                             }
                             rules.add_gradients(values, gradients);
+                            // Adam follows at once, while the tensor and its gradient are in the cache.
                             UnroundedTensor::update(
                                 unrounded,
                                 bit,
@@ -369,7 +382,7 @@ impl<'a> Trainer<'a> {
     }
 }
 
-/// The loss that `config` says, on `field`.
+/// The loss of `config`, on `field`.
 fn backward(config: &TrainConfig, field: &Field<f32>) -> Backward<f32> {
     let mut backward = Backward::new(field);
     (backward.distance_weight, backward.sky_of_open_rays) = (config.distance_weight, true);

@@ -22,6 +22,7 @@ pub fn upsample(form: Form, factors: &[f32], rank: usize, from: [u32; 3], to: [u
                 for row in values(1).chunks_exact((from[first] as usize + 1) * rank) {
                     along(row, rank, from[first], to[first], &mut rows);
                 }
+                // Bilinear, an axis after the other: whole rows along the second.
                 along(&rows, (to[first] as usize + 1) * rank, from[second], to[second], &mut resampled);
             }
         }
@@ -33,6 +34,7 @@ pub fn upsample(form: Form, factors: &[f32], rank: usize, from: [u32; 3], to: [u
 fn along(values: &[f32], width: usize, from: u32, to: u32, resampled: &mut Vec<f32>) {
     for vertex in 0..=to {
         let at = f64::from(vertex) * f64::from(from) / f64::from(to);
+        // The last vertex is in the cell before it, with a fraction of 1.
         let lower = (at.floor() as u32).min(from - 1);
         let fraction = (at - f64::from(lower)) as f32;
         let (below, above) = values[lower as usize * width..][..2 * width].split_at(width);

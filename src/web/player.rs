@@ -54,7 +54,7 @@ impl Player {
     ///
     /// # Errors
     ///
-    /// As [`Player::open`].
+    /// The errors of [`Player::open`].
     pub fn take(&self, download: &mut Download, place: usize) -> Result<bool, JsError> {
         let is_next_step = download.is_shown;
         let (step, is_done) = download.step()?;

@@ -122,7 +122,7 @@ proptest! {
 
 #[test]
 fn some_changes_with_right_checksums_open() {
-    // Or the properties above would say nothing about scenes.
+    // Or the properties above would not cover scenes.
     let mut file = files().remove(0);
     file.part("DENSITY").payload[64] ^= 1;
     assert_ne!(decode(&file.bytes()).unwrap(), two_scales());

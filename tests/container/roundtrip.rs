@@ -32,7 +32,7 @@ pub(crate) fn plain(encoding: Encoding) -> EncodeOptions {
     }
 }
 
-/// All factors and weights as bits: tells 0 from −0.
+/// All factors and weights as bits: distinguishes 0 from −0.
 fn bits(scene: &Scene) -> Vec<u32> {
     let scales = scene.scales.iter();
     let of_scales = scales

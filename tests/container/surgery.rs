@@ -58,7 +58,7 @@ impl File {
         self.sections.iter_mut().find(|p| p.kind == name(kind)).unwrap()
     }
 
-    /// Its index.
+    /// Index of the first section of this name.
     pub(crate) fn index(&self, kind: &str) -> usize {
         self.sections.iter().position(|p| p.kind == name(kind)).unwrap()
     }

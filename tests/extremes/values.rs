@@ -14,7 +14,7 @@ fn constant(feature: f64, mode: DecoderMode) -> Scene {
     constant_of(FactorKind::Cp, feature, mode)
 }
 
-/// The same with factors of this kind.
+/// A tensor of factors of this kind whose density feature is `feature` everywhere.
 fn constant_of(kind: FactorKind, feature: f64, mode: DecoderMode) -> Scene {
     let root = match kind {
         FactorKind::Cp => feature.abs().cbrt(),
@@ -294,7 +294,7 @@ fn skies_of_every_degree_and_size() {
     }
 }
 
-/// Terms of a thousand that cancel: f32 does not resolve their sum, as the reference's condition says.
+/// Terms of a thousand that cancel: f32 does not resolve their sum, as the reference's condition shows.
 #[test]
 fn errors_of_canceling_factors_are_within_their_condition() {
     let size = 10.0;

@@ -14,7 +14,7 @@ pub(crate) type ModulePath = Vec<String>;
 pub(crate) struct File {
     /// Relative to the folder of the sources, with `/`.
     pub(crate) path: String,
-    /// Its module.
+    /// Module of the file.
     pub(crate) module: ModulePath,
     /// True if only tests compile it.
     pub(crate) test: bool,
@@ -29,7 +29,7 @@ pub(crate) struct File {
 pub(crate) struct Name {
     /// The module, inline ones included, that it stands in.
     pub(crate) module: ModulePath,
-    /// Its segments.
+    /// Segments of the path.
     pub(crate) segments: Vec<String>,
     pub(crate) line: usize,
     pub(crate) kind: Kind,
@@ -118,7 +118,7 @@ impl Tree {
         self.resolve_unless(module, segments, &mut Vec::new())
     }
 
-    /// As [`Tree::resolve`], but for names that are being looked up already.
+    /// The target of a path like [`Tree::resolve`], but for names that are being looked up already.
     fn resolve_unless(
         &self,
         module: &[String],

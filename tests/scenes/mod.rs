@@ -106,7 +106,7 @@ pub(crate) fn training_camera() -> TrainingCamera {
     TrainingCamera { pose, focal, principal, size: [width, height], lens: Lens::PINHOLE }
 }
 
-/// The same with a lens that bends rays so much that its picture ends within 0.3 focal lengths of the middle.
+/// A camera whose lens bends rays so much that its picture ends within 0.3 focal lengths of the middle.
 pub(crate) fn bent_camera(size: u32) -> Camera {
     let distortion = Distortion::new([-1.646, 0.0, 0.0, 0.0], [0.0; 3], [1e-3, 0.0], [0.0; 2]).unwrap();
     Camera { lens: Lens { projection: Projection::Perspective, distortion }, ..camera(size, 1.0) }

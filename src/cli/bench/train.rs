@@ -94,7 +94,7 @@ struct Point {
     /// \[scale\] cells of a tensor along each axis.
     resolutions: Vec<[u32; 3]>,
     tensors: usize,
-    /// Those of components that are not zero, which a step works on.
+    /// Parameters of components that are not zero, which a step works on.
     parameters: u64,
     #[serde(flatten)]
     measured: Measured,

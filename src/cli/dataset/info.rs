@@ -74,7 +74,7 @@ struct Kind {
     /// Columns and rows.
     size: [u32; 2],
     lens: String,
-    /// In pixels.
+    /// Focal lengths along columns and rows, in pixels.
     focal: [f64; 2],
     /// Horizontal and vertical, in degrees; `None` if the lens does not see the picture's edges.
     angles: Option<[f64; 2]>,

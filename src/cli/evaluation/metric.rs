@@ -5,7 +5,7 @@ use crate::measure::{Report, ViewReport};
 /// A measured number of a view, and its mean over the views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::cli) struct Metric {
-    /// Its name in JSON and CSV.
+    /// Name of the metric in JSON and CSV.
     pub(in crate::cli) name: &'static str,
 }
 

@@ -171,7 +171,7 @@ pub(super) struct Row {
     output: PathBuf,
     bytes_before: u64,
     bytes: u64,
-    /// Of the parameters as 32-bit floating point.
+    /// Bytes of the file in percent of the parameters as 32-bit floating point.
     percent_of_raw: f64,
     /// PSNR in dB of a reader's pictures to those of the scene as it was; absent where nothing is lost.
     psnr_to_before: Option<f64>,
@@ -302,7 +302,7 @@ fn pack(packing: &Packing<'_>, args: &Args, session: &Session, path: &Path) -> R
     }
 }
 
-/// What the goal asks for, `reserved` bytes being wanted for what is beside the scene.
+/// The requirements of the goal, with `reserved` bytes for what is beside the scene.
 fn find(
     packing: &Packing<'_>,
     args: &GoalArgs,
@@ -383,7 +383,7 @@ fn goal(args: &GoalArgs, metadata: &Metadata) -> Goal {
     Goal::Error { before: 0.0, more: args.quality.unwrap_or(QualityLevel::Balanced).error() }
 }
 
-/// By what share of itself a mean squared error grows that loses so many dB of PSNR.
+/// The growth of a mean squared error, as a share of itself, that loses `loss` dB of PSNR.
 fn grown(loss: f64) -> f64 {
     10f64.powf(loss / 10.0) - 1.0
 }

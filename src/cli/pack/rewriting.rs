@@ -12,7 +12,7 @@ use crate::render::TRADE_NOTE;
 
 /// How edited files are written.
 pub(super) struct Edit<'a> {
-    /// Of the factors.
+    /// Encoding of the factors.
     pub(super) encoding: Plain,
     pub(super) layout: &'a LayoutArgs,
     pub(super) session: &'a Session,
@@ -20,8 +20,8 @@ pub(super) struct Edit<'a> {
 
 /// The file of `after`, which an edit has made of `before`, the content of the file `bytes` at `path`.
 ///
-/// Unchanged sections are copied, unless the level says to compress them anew. If the scene changes, probes that no longer
-/// hold and measurements are dropped.
+/// Unchanged sections are copied, unless the level requires to compress them anew. If the scene changes, probes that no
+/// longer hold and measurements are dropped.
 pub(super) fn rewritten(
     before: &SceneFile,
     bytes: &[u8],

@@ -16,7 +16,7 @@ use crate::escape::escaped;
 /// A photograph.
 #[derive(Debug)]
 pub(super) struct Photograph {
-    /// Its name in the folder.
+    /// File name of the photograph in the folder.
     pub(super) name: String,
     path: PathBuf,
     bytes: u64,
@@ -31,7 +31,7 @@ pub(super) struct Photograph {
 #[derive(Debug)]
 pub(super) struct Photographs {
     folder: PathBuf,
-    /// In the order of their names.
+    /// The photographs, in the order of their names.
     pub(super) pictures: Vec<Photograph>,
     /// Files that are not used, with the reason.
     pub(super) skipped: Vec<String>,

@@ -15,7 +15,7 @@ use crate::model::{Block, Scale};
 pub(super) struct Report<'a> {
     pub(super) file: &'a Path,
     pub(super) bytes: u64,
-    /// Before and after.
+    /// Number of parameters before and after.
     pub(super) parameters: [u64; 2],
     /// dB on training rays, before and after.
     pub(super) psnr: [f64; 2],

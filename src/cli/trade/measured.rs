@@ -45,7 +45,7 @@ pub(super) struct Measured {
     pub(super) preparing_ms: f64,
     /// Mean squared error, the mean over views.
     pub(super) error: f64,
-    /// In dB, the mean over views.
+    /// PSNR in dB, the mean over views.
     pub(super) psnr: f64,
     pub(super) ssim: Option<f64>,
     pub(super) largest: f64,

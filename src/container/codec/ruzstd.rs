@@ -58,7 +58,7 @@ pub(in crate::container) fn decompress(
     Ok(content)
 }
 
-/// What a frame's header says (RFC 8878, section 3.1.1.1), and nothing of its window.
+/// The contents of a frame's header (RFC 8878, section 3.1.1.1), and nothing of its window.
 struct Header {
     /// Bytes of the content, where they are declared.
     content: Option<u64>,
@@ -67,7 +67,7 @@ struct Header {
 
 impl Header {
     /// Reads the header that `frame` has after its magic number; what follows it. `None` where it is cut short, from the
-    /// future, or asks for a dictionary.
+    /// future, or needs a dictionary.
     fn read(frame: &[u8]) -> Option<(Self, &[u8])> {
         let (&descriptor, mut rest) = frame.split_first()?;
         let is_one_segment = descriptor & 0x20 != 0;
@@ -93,8 +93,8 @@ impl Header {
         Some((Self { content, has_checksum: descriptor & 4 != 0 }, rest))
     }
 
-    /// The header, magic number included, of the same frame with a window of its `length` bytes: a declared window could ask
-    /// for more memory than the content ever fills.
+    /// The header, magic number included, of the same frame with a window of its `length` bytes: a declared window could
+    /// take more memory than the content ever fills.
     fn of_one_window(&self, length: usize) -> Vec<u8> {
         let descriptor = 0xe0 | u8::from(self.has_checksum) << 2;
         [&MAGIC[..], &[descriptor], &(length as u64).to_le_bytes()].concat()

@@ -54,7 +54,7 @@ impl CameraModel {
         Self::Equirectangular,
     ];
 
-    /// Its name, as in `opencv-fisheye`.
+    /// Name of the camera model, as in `opencv-fisheye`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pinhole => "pinhole",
@@ -70,13 +70,13 @@ impl CameraModel {
         }
     }
 
-    /// Its name in COLMAP's files, as in `OPENCV_FISHEYE`.
+    /// Name of the camera model in COLMAP's files, as in `OPENCV_FISHEYE`.
     pub(super) fn colmap_name(self) -> String {
         self.name().replace('-', "_").to_uppercase()
     }
 
-    /// Its coefficients in the order of COLMAP's parameters, with OpenCV's names. They move points at the border of the
-    /// pictures by some percent of half the width.
+    /// Coefficients of the camera model in the order of COLMAP's parameters, with OpenCV's names. They move points at
+    /// the border of the pictures by some percent of half the width.
     pub(super) fn coefficients(self) -> &'static [(&'static str, f64)] {
         match self {
             Self::Pinhole | Self::Equirectangular => &[],
@@ -109,7 +109,7 @@ impl CameraModel {
         }
     }
 
-    /// Its lens.
+    /// The lens of this camera model.
     fn lens(self) -> Lens {
         if self == Self::Equirectangular {
             return Lens::PANORAMA;

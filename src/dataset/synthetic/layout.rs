@@ -72,7 +72,7 @@ impl SynthLayout {
         }
     }
 
-    /// Its name: that of [`SynthLayout::layout`], or `colmap-text`.
+    /// Name of the layout: that of [`SynthLayout::layout`], or `colmap-text`.
     pub fn name(self) -> &'static str {
         if self == Self::ColmapText { "colmap-text" } else { self.layout().name() }
     }

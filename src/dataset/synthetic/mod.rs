@@ -54,7 +54,7 @@ use crate::npy;
 const POINTS: usize = 100_000;
 /// Number of points for sparse models; those that fewer than two pictures see are left out.
 const SPARSE_POINTS: usize = 5000;
-/// The same in a room.
+/// Number of points for sparse models of a room; those that fewer than two pictures see are left out.
 const ROOM_POINTS: usize = 20_000;
 
 /// Writes a synthetic dataset to the folder `out`: pictures with straight alpha as PNG, and the files of the layout:

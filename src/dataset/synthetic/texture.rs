@@ -46,7 +46,7 @@ pub(super) struct Gloss {
 }
 
 impl Texture {
-    /// Its specular reflection.
+    /// Specular reflection of the texture.
     pub(super) fn gloss(self) -> Gloss {
         let (mirror, highlight) = match self {
             Self::Lacquer => (0.10, 1.2),

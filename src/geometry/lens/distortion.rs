@@ -84,7 +84,7 @@ impl Distortion {
         self.max_radius
     }
 
-    /// Where `point` goes.
+    /// The image of `point` under the distortion, in normalized coordinates.
     pub fn distorted(&self, point: DVec2) -> DVec2 {
         self.with_jacobian(point).0
     }
@@ -112,7 +112,7 @@ impl Distortion {
         None
     }
 
-    /// Where `point` goes, and the derivative of that.
+    /// The image of `point` under the distortion, and the derivative by `point`.
     fn with_jacobian(&self, point: DVec2) -> (DVec2, DMat2) {
         let DVec2 { x, y } = point;
         let s = point.length_squared();

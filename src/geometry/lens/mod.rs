@@ -53,7 +53,7 @@ impl Lens {
         self.projection == Projection::Perspective && self.distortion.is_none()
     }
 
-    /// Its projection, and whether it distorts, in words.
+    /// The lens in words: its projection, and whether it distorts.
     pub fn name(&self) -> String {
         let projection = match self.projection {
             Projection::Perspective => "perspective",

@@ -22,7 +22,7 @@ pub(super) fn few<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D) -> Re
     few_of(list, |_| {})
 }
 
-/// The same for scenes, which may lack `nodes`.
+/// A list of at most [`MAX_ENTRIES`] scenes, which may lack `nodes`.
 pub(super) fn scenes<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D) -> Result<Vec<T>, D::Error> {
     few_of(list, |scene| {
         if let Value::Object(scene) = scene {

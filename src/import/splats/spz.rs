@@ -226,7 +226,7 @@ mod tests {
         bytes
     }
 
-    /// The same as version 4: a header, an extension, the lengths, and a frame for each array.
+    /// A file of version 4: a header, an extension, the lengths, and a frame for each array.
     fn frames() -> Vec<u8> {
         let whole = file(4);
         let mut arrays = Vec::new();

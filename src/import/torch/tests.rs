@@ -125,7 +125,7 @@ fn zip(files: &[(&str, &[u8])]) -> Vec<u8> {
 
 #[test]
 fn checkpoints_that_contradict_themselves_are_refused() {
-    // The storage is not so long as the pickle says: its file is called "0" and lies before the others.
+    // The storage is shorter than in the pickle: its file is called "0" and lies before the others.
     let replaced = |from: &[u8], to: &[u8]| {
         let mut bytes = FINE.to_vec();
         let at = bytes.windows(from.len()).position(|w| w == from).unwrap();

@@ -1,4 +1,4 @@
-//! Lines of numbers: XYZ, TXT, CSV, PTS, ASC, and Open3D's XYZN and XYZRGB, whose names tell their columns.
+//! Lines of numbers: XYZ, TXT, CSV, PTS, ASC, and Open3D's XYZN and XYZRGB, whose names define their columns.
 //!
 //! The separator is that of the first line of numbers: a semicolon, else a comma, else a pipe, else runs of blanks. A
 //! line or comment before the numbers may name the columns. Without names, the first three columns are x, y and z. The
@@ -35,7 +35,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
 ///
 /// # Errors
 ///
-/// As [`read`].
+/// The errors of [`read`].
 pub fn read_normals(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     read_after(Before::named(&["x", "y", "z", "nx", "ny", "nz"]), input, options, visitor)
 }
@@ -44,7 +44,7 @@ pub fn read_normals(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut 
 ///
 /// # Errors
 ///
-/// As [`read`].
+/// The errors of [`read`].
 pub fn read_colors(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     read_after(Before::named(&["x", "y", "z", "r", "g", "b"]), input, options, visitor)
 }

@@ -38,7 +38,7 @@ impl Config {
     ///
     /// # Errors
     ///
-    /// If it is no text of lines `name = value`, a used value is invalid, or it asks for what a scene cannot express.
+    /// If it is no text of lines `name = value`, a used value is invalid, or a scene cannot express it.
     ///
     /// # Examples
     ///

@@ -25,9 +25,9 @@ pub struct AuthorsFiles {
 /// `scene`, which must have passed [`Scene::check`], as a checkpoint of a `StrivecCP_hier` or a `Strivec_DBase`, in dataset space.
 /// Centers and half edges are rounded to 32 bits. Read again by [`super::read`], a scene that was read from a checkpoint is the same.
 ///
-/// The program's march ends at a transmittance of 0.001, whatever the scene's rules say, and its weights of neighbors differ by up
-/// to 2e-6 from those of [`Aggregation::Normalized`]. Components of the three axes of a `Strivec_DBase` share a matrix: here each
-/// component has a vector that is not zero along one axis alone.
+/// The program's march ends at a transmittance of 0.001, whatever the scene's rules are, and its weights of neighbors
+/// differ by up to 2e-6 from those of [`Aggregation::Normalized`]. Components of the three axes of a `Strivec_DBase`
+/// share a matrix: here each component has a vector that is not zero along one axis alone.
 ///
 /// # Errors
 ///

@@ -20,7 +20,7 @@ pub enum Places {
     /// Points: the centers of each scale in the order of the checkpoint, or the prior's points alone. Half edges are those of the
     /// configuration.
     Points(Vec<Vec<DVec3>>),
-    /// Of each scale, the centers and the half edges, as `NAME_meta.pkl` holds them.
+    /// Boxes: the centers and the half edges of each scale, as `NAME_meta.pkl` holds them.
     Boxes(Vec<(Vec<DVec3>, DVec3)>),
 }
 

@@ -41,7 +41,7 @@ pub fn at_rest(config: &TrainConfig) -> TrainConfig {
 ///
 /// # Errors
 ///
-/// As [`Trainer::step`].
+/// The errors of [`Trainer::step`].
 pub fn training_steps(trainer: &mut Trainer<'_>, runs: Runs, memory: MemoryMark) -> Result<Measured, TrainError> {
     let (seconds, reports) = runs.time(|| trainer.step())?;
     let peak_bytes = memory.peak();

@@ -7,7 +7,7 @@ use crate::field::{Stage, Work};
 /// One stage of a step or a frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StageRow {
-    /// Its name.
+    /// Name of the stage.
     pub stage: &'static str,
     /// Core milliseconds: summed over threads.
     pub core_ms: f64,

@@ -95,7 +95,7 @@ struct OpenWindow {
     egui: egui_winit::State,
     app: App,
     modifiers: ModifiersState,
-    /// In pixels.
+    /// Position of the pointer, in pixels.
     pointer: [f64; 2],
     dragging: Option<Drag>,
     /// The picture's place, in pixels.

@@ -49,10 +49,9 @@ pub struct CoarseProgress {
     pub psnr: f64,
 }
 
-/// Trains coarse grids on `dataset` and returns the occupied voxels, in the dataset's space or, if `options` say so, in
-/// contracted space. The result depends on
-/// `options` and `seed` alone. `progress` is called after every step and stops the training by returning
-/// [`ControlFlow::Break`].
+/// Trains coarse grids on `dataset` and returns the occupied voxels, in the dataset's space or, if `options` choose it,
+/// in contracted space. The result depends on `options` and `seed` alone. `progress` is called after every step and
+/// stops the training by returning [`ControlFlow::Break`].
 ///
 /// # Errors
 ///

@@ -172,7 +172,7 @@ impl CoarseTrainer {
 
     /// \[vertex\]: true if the voxel around the vertex holds a sample whose visibility weight exceeds that of `options` in
     /// any pixel. With `known` voxels, it is the sample at which a ray that meets none of them is half absorbed, in as many
-    /// views as a surface must be in: fog is everywhere. Only some pixels are traced, as `options` say.
+    /// views as a surface must be in: fog is everywhere. Only some pixels are traced, by `options`.
     pub(super) fn visible(
         &mut self,
         photographs: &RaySampler,

@@ -47,7 +47,7 @@ pub(super) struct Matches {
 }
 
 /// The surfaces that `views` show; there may be none. Of more than `most` views, so many are searched. In a scene
-/// that `is_unbounded`, they may be far away; there, distances are known only where photographs tell them well.
+/// that `is_unbounded`, they may be far away; there, distances are known only where photographs resolve them well.
 pub(super) fn matches(views: &[View], most: usize, is_unbounded: bool) -> Matches {
     let shots: Vec<Shot> = views.par_iter().map(Shot::new).collect();
     let cameras: Vec<Camera> = shots.iter().map(|shot| shot.camera).collect();
@@ -62,7 +62,7 @@ pub(super) fn matches(views: &[View], most: usize, is_unbounded: bool) -> Matche
         Search::new(&shots[n], others.into_iter().map(|m| &shots[m]), distance, range)
     };
     let searches: Vec<Search> = chosen.par_iter().map(search).collect();
-    // Else nothing is so far that the photographs cannot tell.
+    // Else nothing is too far for the photographs to resolve its distance.
     let tolerance = |search: &Search| if is_unbounded { search.tolerance() } else { 0.0 };
     let agreed = |maps: &[PlaneMap]| -> Vec<PlaneMap> {
         (0..searches.len()).into_par_iter().map(|n| agreed(&searches, maps, n, tolerance(&searches[n]))).collect()

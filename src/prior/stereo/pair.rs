@@ -6,7 +6,7 @@ use super::plane::{Plane, direction};
 use super::shot::{MIN_CONTRAST, PATCH, RADIUS, Shot};
 use crate::geometry::Camera;
 
-/// By how much a patch may be larger or smaller in another photograph.
+/// The largest factor by which a patch may be larger or smaller in another photograph.
 const MAX_ZOOM: f64 = 2.0;
 
 /// The map from the picture of one camera to that of another.

@@ -14,7 +14,7 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    /// The same plane from a middle that is `offset` pixels away.
+    /// This plane, seen from a middle that is `offset` pixels away.
     pub(super) fn moved(self, offset: DVec2) -> Self {
         Self { inverse: self.inverse + self.slope.dot(offset), ..self }
     }

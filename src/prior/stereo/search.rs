@@ -19,16 +19,16 @@ const MAX_DEPTHS: usize = 320;
 
 /// The least similarity of a match.
 const MIN_SIMILARITY: f32 = 0.75;
-/// By how much the best place on a ray is more similar than the other peaks.
+/// The least lead in similarity of the best place on a ray over the other peaks.
 const UNIQUE: f32 = 0.08;
 /// The widest peak, in depths from its top to either side.
 const WIDEST: usize = 8;
-/// The difference in pixels of another photograph that is less than what photographs tell.
+/// The difference in pixels of another photograph that is below the resolution of the photographs.
 const TOLERANCE: f64 = 0.5;
 
 /// The least similarity on a continued plane before it is refined.
 const PROMISING: f32 = 0.4;
-/// By how much a plane is more similar than the one it replaces.
+/// The least gain in similarity of a plane over the one it replaces.
 const IMPROVEMENT: f32 = 0.01;
 /// The first step of a refinement, in pixels of another photograph, and the number of steps, each half of the one before.
 const FIRST_STEP: f64 = 0.5;
@@ -71,7 +71,7 @@ impl<'a> Search<'a> {
         (self.range[0] - self.range[1]) / self.pixels
     }
 
-    /// The difference of 1/depth that is less than what the photographs tell.
+    /// The difference of 1/depth that is below the resolution of the photographs.
     pub(super) fn tolerance(&self) -> f64 {
         TOLERANCE * self.pixel()
     }

@@ -46,11 +46,12 @@ impl GpuRenderer {
         self.gpu.clone().block_on(self.render_async(camera))
     }
 
-    /// As [`GpuRenderer::render`], with the time of each stage; no stages if the device has no timestamps.
+    /// Renders like [`GpuRenderer::render`], and returns the time of each stage; no stages if the device has no
+    /// timestamps.
     ///
     /// # Errors
     ///
-    /// As [`GpuRenderer::render`].
+    /// The errors of [`GpuRenderer::render`].
     pub fn render_timed(&mut self, camera: &Camera) -> Result<(Picture, Vec<StageTime>), GpuError> {
         self.gpu.clone().block_on(self.render_timed_async(camera))
     }
@@ -59,7 +60,7 @@ impl GpuRenderer {
     ///
     /// # Errors
     ///
-    /// As [`GpuRenderer::render`].
+    /// The errors of [`GpuRenderer::render`].
     pub fn trace(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
         self.gpu.clone().block_on(self.trace_async(rays))
     }

@@ -39,10 +39,13 @@ impl Gpu {
             max_storage_buffer_binding_size: own.max_storage_buffer_binding_size,
             max_storage_buffers_per_shader_stage: own.max_storage_buffers_per_shader_stage,
             max_compute_workgroup_storage_size: own.max_compute_workgroup_storage_size.min(MAX_WORKGROUP_BYTES),
+            // All else is within the downlevel limits, which browsers and old devices have.
             ..wgpu::Limits::downlevel_defaults()
         };
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("strivec"),
+            // Optional: devices without 16-bit floats, subgroups or timestamps draw the same pictures, but for
+            // rounding.
             required_features: adapter.features() & OPTIONAL_FEATURES,
             required_limits: required_limits.using_resolution(own),
             ..wgpu::DeviceDescriptor::default()
@@ -59,7 +62,7 @@ impl Gpu {
         Ok(Self { device, queue, info, adapter, is_software, uncaptured_error })
     }
 
-    /// The same device, with the shaders of a graphics processor also if it is a software device. Pictures stay the same;
+    /// This device, with the shaders of a graphics processor also if it is a software device. Pictures stay the same;
     /// for tests.
     #[must_use]
     pub fn as_hardware(self) -> Self {

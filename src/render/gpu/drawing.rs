@@ -53,6 +53,7 @@ impl GpuRenderer {
         };
         back.unmap();
         let limit = self.workspace.blocks();
+        // No picture depends on passes or batches: rays that did not end are drawn anew.
         if counters.unfinished > 0 && counters.blocks <= limit {
             // Repeat these rays with twice the passes, which all later batches then have too.
             if u64::from(self.passes) * u64::from(self.strides) > MAX_STRIDES {
@@ -60,10 +61,12 @@ impl GpuRenderer {
                     "rays did not end within the maximum number of strides: the driver ends loops early".into(),
                 ));
             }
+            // Twice, so that a driver that needs many passes is found in few repetitions.
             self.passes *= 2;
         } else if counters.blocks <= limit {
             job.done += rays;
         } else if rays > RAY_LANES {
+            // The pool of slots was too small for the batch, whose rays have unusually many samples.
             job.batch_rays = (rays / 2).next_multiple_of(RAY_LANES);
         } else {
             let (found, limit) = (u64::from(counters.blocks), u64::from(limit));
@@ -78,6 +81,7 @@ impl GpuRenderer {
         let work = &self.workspace;
         let strides = self.strides;
         let frame = Frame { first_ray: job.done, ray_count, blocks: work.blocks(), strides, ..job.frame };
+        // Rays of a camera are made on the device.
         let given = job.given.get(job.done as usize..(job.done + ray_count) as usize).unwrap_or_default();
         queue.write_buffer(&work.frame, 0, bytemuck::bytes_of(&frame));
         queue.write_buffer(&work.rays, 0, bytemuck::cast_slice(given));
@@ -107,10 +111,12 @@ impl GpuRenderer {
                     pass.dispatch_workgroups(ray_count.div_ceil(RAY_LANES), 1, 1);
                 }
                 Stage::March => {
+                    // All passes in one submission: the host need not wait to learn which rays are unfinished.
                     (0..self.passes).for_each(|_| pass.dispatch_workgroups(ray_count.div_ceil(RAY_LANES), 1, 1));
                 }
                 Stage::Compact => pass.dispatch_workgroups(ray_count.div_ceil(COMPACT_LANES), 1, 1),
                 Stage::Workgroups => pass.dispatch_workgroups(1, 1, 1),
+                // The number of shaded samples is known on the device alone.
                 Stage::Decoder => pass.dispatch_workgroups_indirect(&work.workgroups, 0),
             }
         }

@@ -45,6 +45,7 @@ impl Packed {
         let mut words = Words::default();
         let mut component_quads = 0;
         let has_matrices = field.scales.iter().any(|scale| scale.density.iter().any(|block| block.form() != Form::Cp));
+        // Scenes of three vectors alone have one block a scale, and shaders without branches for others.
         let blocks = if has_matrices { 3 } else { 1 };
         let scales: Vec<Scale> = (field.scales.iter())
             .map(|scale| {
@@ -99,6 +100,7 @@ fn shape_of(
         scales: scales.len() as u32,
         top_k: scales.iter().map(|s| s.top_k).max().unwrap_or(1),
         layers: layers.len() as u32,
+        // Sizes of shaders are those of the largest part, as arrays have constant lengths.
         inputs: layers.iter().map(|l| l.inputs).max().unwrap_or(0),
         output_quads: layers.iter().map(|l| l.output_quads).max().unwrap_or(0).max(feature_quads),
         component_quads: 0,
@@ -178,6 +180,7 @@ fn check_limits(shape: &Shape, words: &Words, limits: BufferLimits) -> Result<()
 /// neighbors.
 fn iterations_per_sample(field: &Field<f32>, top_k: u32) -> u32 {
     let of_scale = |s: &FieldScale<f32>| {
+        // An estimate from above, by which a pass stays within the loops of a software device.
         let components: usize = s.density.iter().map(|block| block_quads(block) as usize + 2).sum();
         longest_list(s) + s.top_k() * components + 3 * top_k as usize
     };
@@ -247,6 +250,7 @@ impl Words {
         let mut starts = vec![0];
         let mut candidates: Vec<[u32; 4]> = Vec::new();
         for list in index.candidates() {
+            // Center and tensor are one quad: a candidate is one load.
             candidates.extend(list.map(|([x, y, z], tensor)| [x.to_bits(), y.to_bits(), z.to_bits(), tensor]));
             starts.push(candidates.len() as u32);
         }
@@ -257,6 +261,7 @@ impl Words {
             for block in factors {
                 let places = self.factors(block, precision);
                 for (n, place) in places.into_iter().enumerate() {
+                    // A tensor has quads of the components that it holds, not of its scale's.
                     let quads = block.held().count(n).div_ceil(4) as u32;
                     tensors[blocks * n + place_of(block)][2 * part..][..2].copy_from_slice(&[place, quads]);
                 }
@@ -291,6 +296,7 @@ impl Words {
     /// Appends a layer's weights, \[input\]\[output\], and bias, with outputs padded to quads.
     fn layer(&mut self, layer: &Dense<f32>) -> Layer {
         let output_quads = layer.outputs.div_ceil(4);
+        // Transposed and padded, so that a lane reads four outputs' weights of an input at once.
         let mut transposed = vec![0.0; layer.inputs * 4 * output_quads];
         for (i, row) in transposed.chunks_exact_mut(4 * output_quads.max(1)).enumerate() {
             for (o, weight) in row.iter_mut().take(layer.outputs).enumerate() {
@@ -316,6 +322,7 @@ impl Words {
         for n in 0..held.tensors() {
             places.push(self.0.len() as u32 / words_per_quad);
             for row in factors.values()[held.values(n)].chunks_exact(held.count(n).max(1)) {
+                // Rows are padded to quads with zeros, so shaders need no masks.
                 for quad in row.chunks(4) {
                     let mut padded = [0.0; 4];
                     padded[..quad.len()].copy_from_slice(quad);
@@ -337,6 +344,7 @@ impl Words {
     fn appearance(&mut self, field: &Field<f32>, component_quads: u32) -> u32 {
         let decoder = &field.decoder;
         let (components, width) = (field.component_count(), decoder.features.next_multiple_of(4));
+        // Transposed and padded like the layers' weights.
         let mut transposed = vec![0.0; 4 * component_quads as usize * width];
         let (mut from, mut to) = (0, 0);
         for block in field.scales.iter().flat_map(|scale| &scale.appearance) {
@@ -355,6 +363,7 @@ impl Words {
 
 /// The nearest 16-bit float, clamped to the finite ones.
 fn half_of(value: f32) -> u16 {
+    // An infinite factor could make pixels NaN.
     let largest = half::f16::MAX.to_f32();
     half::f16::from_f32(value.clamp(-largest, largest)).to_bits()
 }

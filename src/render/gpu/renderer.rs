@@ -73,7 +73,7 @@ impl GpuRenderer {
         Self::with_limits(gpu, scene, approximation, precision, gpu.scene_limits())
     }
 
-    /// As [`GpuRenderer::new`], within `limits`.
+    /// Prepares `scene` like [`GpuRenderer::new`], within `limits`.
     fn with_limits(
         gpu: &Gpu,
         mut scene: Scene,
@@ -94,6 +94,7 @@ impl GpuRenderer {
             SceneBuffer::Chunks(chunks.map(|words| gpu.upload("quads", bytemuck::cast_slice(words), storage)).collect())
         };
         let pipelines = Stage::ALL.map(|stage| gpu.pipeline(stage, &packed.shape)).into();
+        // Software devices end long loops early; others march a ray in one pass.
         let strides = match gpu.info().device_type {
             wgpu::DeviceType::Cpu => (MAX_ITERATIONS / packed.iterations_per_sample).max(1),
             _ => u32::MAX,
@@ -130,11 +131,12 @@ impl GpuRenderer {
         Ok(Picture { width: camera.width, height: camera.height, pixels })
     }
 
-    /// As [`GpuRenderer::render_async`], with the time of each stage; no stages if the device has no timestamps.
+    /// Renders like [`GpuRenderer::render_async`], and returns the time of each stage; no stages if the device has no
+    /// timestamps.
     ///
     /// # Errors
     ///
-    /// As [`GpuRenderer::render_async`].
+    /// The errors of [`GpuRenderer::render_async`].
     pub async fn render_timed_async(&mut self, camera: &Camera) -> Result<(Picture, Vec<StageTime>), GpuError> {
         if self.gpu.has_timestamps() {
             self.times = Stage::ALL.map(|s| StageTime { name: s.name(), milliseconds: 0.0 }).into();
@@ -148,7 +150,7 @@ impl GpuRenderer {
     ///
     /// # Errors
     ///
-    /// As [`GpuRenderer::render_async`].
+    /// The errors of [`GpuRenderer::render_async`].
     pub async fn trace_async(&mut self, rays: &[Ray]) -> Result<Vec<Pixel>, GpuError> {
         self.begin_rays(rays.iter().map(|ray| self.device_ray(ray)).collect())?;
         self.finish().await?;
@@ -174,6 +176,7 @@ impl GpuRenderer {
     pub fn begin(&mut self, camera: &Camera) -> Result<(), GpuError> {
         if !camera.lens.is_pinhole() {
             // The device inverts no distortion. A pixel without a ray has an empty one.
+            // A negative unit of spacing marks it, so that it does not see the sky.
             let unseen = DeviceRay { direction: [0.0, 0.0, 1.0], scale: -1.0, ..DeviceRay::default() };
             let ray = |ray: Option<Ray>| ray.map_or(unseen, |ray| self.device_ray(&ray));
             return self.begin_rays(camera.rays(0..camera.height).map(ray).collect());
@@ -184,6 +187,8 @@ impl GpuRenderer {
         self.reserve(rays, u64::from(camera.width) * u64::from(camera.height))?;
         let axis = |column: usize| camera.world_from_camera.col(column).to_array().map(|v| v as f32);
         let frame = Frame {
+            // Relative to the origin in f64, then rounded: a scene's place in the world costs no precision
+            // (docs/numerics.md).
             position: (camera.position - self.origin).to_array().map(|v| v as f32),
             width: camera.width,
             right: axis(0),
@@ -274,6 +279,7 @@ impl GpuRenderer {
         }
         let batch_rays = rays.min(u64::from(self.gpu.max_batch_rays())).max(u64::from(RAY_LANES));
         let batch_rays = (batch_rays as u32).next_multiple_of(RAY_LANES);
+        // Buffers only grow, so that pictures of changing size do not allocate each time.
         if self.workspace.batch_rays() < batch_rays || self.workspace.pixel_count() < pixels {
             let batch_rays = batch_rays.max(self.workspace.batch_rays());
             let pixels = pixels.max(self.workspace.pixel_count());

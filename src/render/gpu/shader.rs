@@ -182,6 +182,8 @@ impl Shape {
     /// The declaration of the scene buffer, and `quad`, which reads it.
     fn write_scene_access(&self, text: &mut String) {
         const QUAD: &str = "fn quad(i: u32) -> vec4<u32>";
+        // llvmpipe reads a buffer number by number and a texture by vectors, several times as fast
+        // (docs/experiments/2026-11-28-software-device.md).
         if self.is_software {
             let mask = (1_u32 << TEXTURE_SHIFT) - 1;
             let _ = writeln!(text, "@group(0) @binding({FIRST_CHUNK}) var quads: texture_2d<u32>;");
@@ -195,6 +197,7 @@ impl Shape {
         }
         let _ = writeln!(text, "{QUAD} {{");
         if self.chunks > 1 {
+            // Every device allows 128 MiB to a binding. A scene of one binding is read without the switch.
             let (shift, mask) = (self.chunk_shift, (1_u32 << self.chunk_shift) - 1);
             let _ = writeln!(text, "    let within = i & {mask}u;\n    switch i >> {shift}u {{");
             for chunk in 1..self.chunks {
@@ -266,11 +269,15 @@ impl Stage {
                 DENSITY,
                 shader!("march"),
             ],
+            // Subgroups allocate without barriers.
             Self::Compact if shape.extensions.subgroups => {
                 &[LAYOUT, shader!("compact_alloc_subgroup"), shader!("compact")]
             }
             Self::Compact => &[LAYOUT, shader!("compact_alloc"), shader!("compact")],
             Self::Workgroups => &[LAYOUT, shader!("workgroups")],
+            // A lane per row needs about 50 loops for a sample. By tiles, rays of many samples exceeded the 65 535 at
+            // which llvmpipe ends loops, and their colors were wrong
+            // (docs/experiments/2026-11-28-software-device.md).
             Self::Decoder if shape.is_software => {
                 &[LAYOUT, SCENE_BUFFER, REAL, PATH, NEIGHBORS, GATHER, shader!("components_by_lane"), DECODER]
             }

@@ -48,6 +48,7 @@ impl Gpu {
 
     /// The most rays of a batch whose largest buffer is within the device's limits.
     pub(super) fn max_batch_rays(&self) -> u32 {
+        // Rows are the largest buffer of a batch.
         let row_bytes = u64::from(BLOCKS_PER_RAY * (SLOTS - 1) * ROW_BYTES);
         let rays = (self.binding_limit() / row_bytes).min(u64::from(MAX_RAYS)) as u32;
         (rays / RAY_LANES * RAY_LANES).max(RAY_LANES)
@@ -67,6 +68,7 @@ impl Workspace {
             frame: gpu.buffer("frame", size_of::<Frame>() as u64, Usage::UNIFORM | Usage::COPY_DST),
             rays: gpu.buffer("rays", u64::from(batch_rays) * size_of::<Ray>() as u64, storage),
             slots: gpu.buffer("slots", u64::from(blocks * SLOTS * SLOT_BYTES), storage),
+            // One slot of a block holds the number of the next block.
             rows: gpu.buffer("rows", u64::from(blocks * (SLOTS - 1) * ROW_BYTES), storage),
             counters: gpu.buffer("counters", size_of::<Counters>() as u64, storage | Usage::COPY_SRC),
             counters_back: gpu.buffer("counters back", size_of::<Counters>() as u64, back),

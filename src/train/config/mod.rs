@@ -173,7 +173,7 @@ pub struct LeanConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FinishConfig {
-    /// They hold from the first estimate of the occupancy after this share of the steps on; 1: never. 0 is for runs that
+    /// Share of the steps after whose next estimate of the occupancy these settings hold; 1: never. 0 is for runs that
     /// begin with a trained scene: where all this is left out, its occupancy stays.
     pub from: f64,
     /// See [`Rules::min_transmittance`].
@@ -318,6 +318,9 @@ impl FinishConfig {
 
 impl Default for FinishConfig {
     fn default() -> Self {
+        // An early tight occupancy costs nothing and saves a sixth of the time. A least opacity of 0.03 loses the
+        // faint cells that blur silhouettes as photographs do (docs/experiments/2026-11-26-tight-occupancy.md); twice
+        // the thresholds lose 0.3 dB (docs/experiments/2026-11-26-default-in-full.md).
         Self { from: 0.13, min_transmittance: 2.5e-3, min_weight: 1e-3, min_alpha: 5e-3, max_loss: 0.5 }
     }
 }
@@ -336,6 +339,9 @@ impl LeanConfig {
 
 impl Default for LeanConfig {
     fn default() -> Self {
+        // Rounds between 0.03 and 0.6 of the steps are as good as later ones, and leave less to compute
+        // (docs/experiments/2026-11-25-lean-training.md). The limit leaves lego about 7 million parameters
+        // (docs/experiments/2026-11-26-adam.md).
         Self { max_loss: 0.06, max_parameters: None, max_drop: None, during: [1.0 / 30.0, 0.6], rounds: 34 }
     }
 }

@@ -9,18 +9,22 @@ use crate::train::Exposure;
 
 /// Steps that the presets' schedules are written for (paper, Implementation).
 const PRESET_STEPS: u64 = 30_000;
-/// Steps and rays per step of the best quality: with half the rays per step, as many rays train better.
+/// Steps of the best quality. 4000 more gain 0.01 dB (docs/experiments/2026-11-28-whole-schedule.md).
 const BEST_STEPS: u64 = 39_000;
+/// Rays per step of the best quality. Half of the paper's rays per step gain 0.2 to 0.3 dB from as many rays
+/// (docs/experiments/2026-11-26-rays-by-error.md).
 const BEST_BATCH: usize = 2048;
 /// The factor by which learning rates fall over a run (paper, Implementation).
 const DECAY: f64 = 0.1;
-/// The same for the best quality, and the share of its steps at the end in which learning rates fall to 0.
+/// The factor by which learning rates of the best quality fall over a run, and the share of its steps at the end in
+/// which they fall to 0 (docs/experiments/2026-11-26-learning-rates.md).
 const BEST_DECAY: f64 = 0.25;
 const BEST_COOLDOWN: f64 = 0.15;
-/// The most that one percent of the parameters may cost, in dB: half of the parameters cost 0.1 dB.
+/// The most that one percent of the parameters may cost, in dB. From 9.3 to 4.5 million parameters, lego loses 0.1 dB
+/// (docs/experiments/2026-11-26-frame-in-tiles.md).
 const BEST_MAX_LOSS: f64 = 0.1;
-/// Three times as much is too much (docs/experiments/2026-11-26-weight-decay.md), and so is as much in the longer runs
-/// of the best quality.
+/// The weight decay of the factors. Three times as much is too much (docs/experiments/2026-11-26-weight-decay.md), and
+/// so is as much in the longer runs of the best quality (docs/experiments/2026-11-28-weight-decay-in-full.md).
 const PREVIEW_FACTOR_DECAY: f64 = 0.01;
 const BEST_FACTOR_DECAY: f64 = 0.003;
 /// A step of the march in cells of the best quality's first scale, as long as the paper's half of a wider cell.
@@ -35,9 +39,11 @@ const PREVIEW_STEPS: u64 = 1400;
 const PREVIEW_SIDE: u32 = 256;
 /// The share of the steps of a first look in which learning rates fall to 0.
 const PREVIEW_COOLDOWN: f64 = 0.2;
-/// Short runs estimate the occupancy no earlier than this: space that is empty at that step stays empty.
+/// Short runs estimate the occupancy no earlier than this: space that is empty at that step stays empty. At step 67
+/// of a scan nearly everything still was.
 const EARLIEST_OCCUPANCY: u64 = 300;
 /// Short runs keep faint samples at least until this step, since surfaces are still thick.
+/// The fox in 1500 steps loses 0.2 dB if it begins at step 300 (docs/experiments/2026-11-26-tight-occupancy.md).
 const EARLIEST_FINISH: u64 = 1000;
 /// Half the largest extent of a scan in model units: about the extent of a room in meters.
 const SCAN_HALF_EXTENT: f64 = 4.8;
@@ -103,7 +109,7 @@ impl TrainConfig {
         Ok(preset)
     }
 
-    /// The same run in `steps` steps. The schedule is scaled along, but no occupancy is estimated before step 300, as
+    /// This run in `steps` steps. The schedule is scaled along, but no occupancy is estimated before step 300, as
     /// hardly any density has grown by then, and no march of the end begins before step 1000.
     pub fn with_steps(self, steps: u64) -> Self {
         let scaled = |at: &u64| (*at as f64 * steps as f64 / self.steps as f64).round().max(1.0) as u64;
@@ -123,6 +129,7 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         seed: 0,
         steps: PRESET_STEPS,
         batch_rays: 4096,
+        // Four candidates for a ray are no better than two (docs/experiments/2026-11-26-rays-by-error.md).
         ray_candidates: 2,
         max_photograph_side: None,
         max_file_bytes: None,
@@ -144,8 +151,11 @@ fn paper(appearance_rank: u32) -> TrainConfig {
         density_l1: 1e-5,
         density_variation: 0.0,
         appearance_variation: 0.0,
+        // Ten times as much loses 0.5 dB on held-out photographs (docs/experiments/2026-11-25-regularizing.md).
         distance_weight: 0.01,
+        // 27 % fewer shaded samples without a measurable loss (docs/experiments/2026-11-21-step-optimizations.md).
         color_roulette: 0.001,
+        // Density gradients take a fifth of their time (docs/experiments/2026-11-21-step-optimizations.md).
         density_roulette: 1.0,
         lean: LeanConfig::default(),
         finish: FinishConfig::default(),
@@ -167,16 +177,20 @@ fn paper(appearance_rank: u32) -> TrainConfig {
 fn best() -> TrainConfig {
     let mut preset = paper(48);
     preset.preset = "best".into();
+    // A color for each sample beside the ray's: 0.25 dB more than one color per ray at a quarter of the resolution
+    // (docs/experiments/2026-11-21-training-settings.md).
     preset.decoder.mode = DecoderMode::Residual;
-    // Highlights come and go within a few degrees.
+    // Highlights come and go within a few degrees: with six frequencies the views against the sun gain 3 dB
+    // (docs/experiments/2026-11-21-training-settings.md). A wider network never cleared the fog of the first steps.
     preset.decoder.direction_frequencies = 6;
     preset.color_roulette = 0.002;
     preset.batch_rays = BEST_BATCH;
     (preset.learning_rate_decay, preset.cooldown) = (BEST_DECAY, BEST_COOLDOWN);
     preset.lean.max_loss = BEST_MAX_LOSS;
     preset.factor_decay = BEST_FACTOR_DECAY;
-    // The first two scales have cells about as wide as a pixel of photographs of 800×800. Training gives up a third of
-    // the third scale's anyway.
+    // The first two scales have cells about as wide as a pixel of photographs of 800×800, which is best: 0.5 dB more
+    // than the paper's, which are 1.4 pixels wide (docs/experiments/2026-11-26-tight-occupancy.md). Training gives up a
+    // third of the third scale's anyway.
     let finer = [[29, 43, 65, 93, 125, 161], [15, 23, 35, 47, 63, 81]];
     for (scale, cells) in preset.scales.iter_mut().zip(finer) {
         scale.resolutions = cells.map(|d| [d; 3]).to_vec();
@@ -197,9 +211,11 @@ fn preview() -> TrainConfig {
     preset.occupancy_at = [0.13, 0.27, 0.53].map(|share| (share * PREVIEW_STEPS as f64) as u64).to_vec();
     preset.prior.min_visibility_weight = 0.01;
     preset.field.step_cells = FieldConfig::default().step_cells;
-    // Most of the time goes into samples of fog.
+    // Most of the time goes into samples of fog: an early tight occupancy leaves time for more steps
+    // (docs/experiments/2026-11-25-march-of-the-end.md).
     preset.finish =
         FinishConfig { from: 0.25, min_transmittance: 5e-3, min_weight: 2e-3, min_alpha: 0.01, max_loss: 1.0 };
+    // With a limit of 0.05 dB, a run of a minute loses 0.8 dB (docs/experiments/2026-11-26-adam.md).
     preset.lean.max_loss = 5e-4;
     for (scale, cells) in preset.scales.iter_mut().zip([[29, 43], [15, 23], [7, 11]]) {
         scale.resolutions = cells.map(|d| [d; 3]).to_vec();

@@ -78,6 +78,7 @@ pub fn prune_dead_components(
     mask_idle_tensors(&mut mask, scene, &mut field, &selection);
     let idle = mask.clone();
     mask_small_components(&mut mask, scene);
+    // Without the small components, if those cost too much.
     for mask in [mask, idle] {
         mask.write_to(scene, &mut field);
         let psnr_after = evaluation.psnr(&field);

@@ -38,6 +38,7 @@ impl BlockImportance {
     /// Adds the squares of a batch's `gradients` of `factors`, whose first factor has `rows` rows.
     fn add(&mut self, factors: &FieldFactors<f32>, gradients: &[f32], rows: usize, share: f64) {
         for (sum, g) in self.entries.iter_mut().zip(gradients) {
+            // Signs are random, so the square of the sum over rays is the sum of squares in expectation.
             *sum += share as f32 * g * g;
         }
         for (tensor, components) in factors.held().split_mut(&mut self.components).into_iter().enumerate() {
@@ -46,7 +47,7 @@ impl BlockImportance {
         }
     }
 
-    /// The same laid out as the scene's factors.
+    /// These importances laid out as the scene's factors: also of components that the field does not hold, as 0.
     fn dense(&self, factors: &FieldFactors<f32>) -> Self {
         let held = factors.held();
         let mut components = vec![0.0; held.tensors() * held.rank()];

@@ -102,7 +102,7 @@ impl Budget {
         self.parameters.is_none_or(|most| parameters <= most) && self.file_bytes.is_none_or(|most| bytes <= most)
     }
 
-    /// The error of a budget that does not allow `[parameters, bytes]`, of which `what` says what they are.
+    /// The error of a budget that does not allow `[parameters, bytes]`, of which `what` is the name.
     fn too_small(self, [parameters, bytes]: [u64; 2], what: &str) -> PrepareError {
         let expected = format!("at least {parameters} parameters and {bytes} bytes, {what}");
         let part = |value: Option<u64>, unit: &str| value.map(|v| format!("{v} {unit}"));

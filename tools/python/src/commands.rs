@@ -19,7 +19,7 @@ enum Event {
     End(Result<Vec<String>, Failure>),
 }
 
-/// Passes on what a command tells.
+/// Passes on the messages and the progress of a command.
 struct Sending(Sender<Event>);
 
 impl Host for Sending {

@@ -99,7 +99,7 @@ impl NativeRenderer {
         self.pictures(py, &pixels, &[size[1] as usize, size[0] as usize], in_dataset)
     }
 
-    /// The same for rays with these origins and unit directions, f64 \[n\]\[3\].
+    /// The values of `render` for rays with these origins and unit directions, f64 \[n\]\[3\].
     fn trace<'py>(
         &self,
         py: Python<'py>,

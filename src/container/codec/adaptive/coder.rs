@@ -7,7 +7,7 @@ use crate::container::Error;
 
 /// Bits of a counter's probability.
 const PRECISION: u32 = 22;
-/// The most bits that a counter has seen: from then on it forgets the oldest.
+/// The most bits that a counter has seen: from then on the oldest lose their weight.
 const MEMORY: u32 = 255;
 
 /// Bits of a [`Counter`] for the bits seen.
@@ -60,7 +60,7 @@ impl Counter {
         self.0 = moved + u32::from(seen < MEMORY - 1);
     }
 
-    /// As [`Counter::learn`], without a branch.
+    /// Learns `bit` like [`Counter::learn`], without a branch.
     #[inline(always)]
     fn learn_even(&mut self, bit: bool) {
         let (probability, seen) = (self.0 >> SEEN_BITS, self.seen());
@@ -80,7 +80,7 @@ pub(super) trait Coder {
     /// `counters` learn it.
     fn code<const N: usize>(&mut self, bit: bool, probability: u32, counters: [&mut Counter; N]) -> bool;
 
-    /// As [`Coder::code_in`], for a bit that no processor can expect: a decoder does not branch on it.
+    /// Codes a bit like [`Coder::code_in`] whose value no processor can predict: a decoder does not branch on it.
     fn code_even(&mut self, bit: bool, counter: &mut Counter) -> bool;
 
     /// True for a decoder that is behind the end of its bytes: what it would still read does not matter.
@@ -108,7 +108,7 @@ fn width_of_one(width: u64, probability: u32) -> u64 {
     (width >> 16) * u64::from(probability)
 }
 
-/// True if an interval has fewer numbers than a word more would tell apart.
+/// True if an interval has fewer numbers than a word more would distinguish.
 #[inline(always)]
 fn is_narrow(width: u64) -> bool {
     width >> WORD_BITS == 0
@@ -296,7 +296,7 @@ mod tests {
         (0..count).map(|n| random.uniform(n) < 0.125).collect()
     }
 
-    /// In `contexts` contexts by turns.
+    /// `bits` encoded in `contexts` contexts by turns.
     fn encoded(bits: &[bool], contexts: usize) -> Vec<u8> {
         let (mut encoder, mut counters) = (Encoder::new(), vec![Counter::default(); contexts]);
         for (n, &bit) in bits.iter().enumerate() {

@@ -7,7 +7,7 @@ use super::coder::{Coder, Counter, Decoder, Encoder};
 use crate::container::Error;
 use crate::container::encoding::{Encoding, integers, largest, write_integers};
 
-/// Sizes of remainders that contexts tell apart: four to an octave.
+/// Sizes of remainders that contexts distinguish: four to an octave.
 const CLASSES: usize = 48;
 /// Remainders count as no larger than this in the sizes around a number.
 const LARGEST_SIZE: i32 = 1023;
@@ -16,7 +16,7 @@ const LARGEST_SIZE: i32 = 1023;
 const PLACES: usize = 18;
 /// Step codes of an octave have one context each half of it.
 const STEP_CONTEXTS: usize = 64;
-/// Bits that say that a remainder is larger than 0, 1, 2, …; larger ones are a number behind those.
+/// Bits that are set if a remainder is larger than 0, 1, 2, …; larger ones are a number behind those.
 const UNARY: usize = 18;
 /// The first of these bits, which are most of all bits: their counters are in tables of their own, which fit a near cache.
 const FIRST: usize = 4;
@@ -37,7 +37,7 @@ pub(in crate::container) struct Shape {
 #[derive(Clone, Debug)]
 pub(in crate::container) enum Groups {
     /// Components of so many tensors, block by block. A block has a number of components a tensor, and the lengths of the vectors
-    /// of each. Masks, if there are any, say which components tensors have.
+    /// of each. Masks, if there are any, select the components that tensors have.
     Components { tensors: usize, blocks: Vec<(usize, Vec<usize>)> },
     /// Rows of networks, of these lengths.
     Rows(Vec<usize>),
@@ -263,7 +263,7 @@ struct TooLarge {
     group: usize,
 }
 
-/// \[context\]\[n\] the counters of the bits that say whether a remainder is larger than n.
+/// \[context\]\[n\] the counters of the bits for whether a remainder is larger than n.
 struct Larger {
     first: Vec<[Counter; FIRST]>,
     other: Vec<[Counter; UNARY - FIRST]>,
@@ -275,7 +275,7 @@ impl Larger {
     }
 }
 
-/// Codes how many of the bits that say whether a remainder of this `magnitude` is larger than n are 1, for n from `from` on,
+/// Codes how many of the bits for whether a remainder of this `magnitude` is larger than n are 1, for n from `from` on,
 /// each by a counter of both.
 #[inline(always)]
 fn code_unary(coder: &mut impl Coder, magnitude: i32, from: usize, by: [&mut [Counter]; 2]) -> usize {

@@ -165,10 +165,10 @@ fn code_blocks<C: Coder>(coder: &mut C, grid: &Grid, counts: [usize; 3]) -> Vec<
 
 /// The counters of vertices.
 struct Contexts {
-    /// By the near neighbors, and by all.
+    /// Counters by the near neighbors, and by all.
     near: Vec<Counter>,
     all: Vec<Counter>,
-    /// \[surroundings unset, set\] the counter of the bit that says that a row differs from its surroundings.
+    /// \[surroundings unset, set\] the counter of the bit for whether a row differs from its surroundings.
     differs: [Counter; 2],
 }
 

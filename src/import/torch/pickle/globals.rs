@@ -15,7 +15,7 @@ pub(crate) enum Element {
 pub(crate) enum Global {
     /// A dictionary, from no arguments.
     Dict,
-    /// Its first argument.
+    /// The first argument of the call, unchanged.
     Same,
     /// An unused value.
     Ignored,
