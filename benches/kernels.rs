@@ -6,10 +6,10 @@ use std::sync::LazyLock;
 
 use divan::Bencher;
 use divan::counter::{BytesCount, ItemsCount};
+use strivec::cli::bench::lab::{ball, ball_views};
 use strivec::container::{self, EncodeOptions, Encoding};
 use strivec::field::{Activations, Field, Matrix, MatrixMut, Samples, multiply, vectorized};
 use strivec::geometry::Ray;
-use strivec::measure::bench::{ball, ball_views};
 use strivec::model::Scene;
 use strivec::train::{Backward, BatchRoulette, Target, TrainConfig};
 

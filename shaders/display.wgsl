@@ -1,4 +1,4 @@
-// Shows a picture on a surface, scaled to its rectangle, as one of several views. Twin: src/player/desktop/memory.rs;
+// Shows a picture on a surface, scaled to its rectangle, as one of several views. Twin: src/desktop/memory.rs;
 // that of the struct is in src/player/screen.rs.
 
 struct Display {

@@ -1,4 +1,4 @@
-// The structs and bindings that the host and the stages share. Twin: src/render/gpu/layout.rs. Lengths are in model
+// The structs and bindings that the host and the stages share. Twin: src/field/render/gpu/layout.rs. Lengths are in model
 // units, positions relative to the field's origin.
 
 // One scale of the scene.
@@ -66,7 +66,7 @@ struct Scene {
     grid_cells_per_unit: vec3<f32>,
     padding1: u32,
     grid_cells: vec3<i32>,
-    // The scene's own thresholds, where an approximation raises them (src/render/approximation.rs).
+    // The scene's own thresholds, where an approximation raises them (src/field/render/approximation.rs).
     own_min_weight: f32,
     grid_bricks: vec3<i32>,
     own_min_transmittance: f32,
@@ -104,7 +104,7 @@ struct Frame {
 // A ray: its span, and the results and the state of its march.
 struct Ray {
     // The position of the first sample, its distance `entry` from the ray's origin, and the length of the samples'
-    // span. In a contracted scene `start` and `entry` are those of the ray's foot (src/geometry/contraction.rs).
+    // span. In a contracted scene `start` and `entry` are those of the ray's foot (src/format/geometry/contraction.rs).
     start: vec3<f32>,
     entry: f32,
     direction: vec3<f32>,

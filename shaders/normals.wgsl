@@ -1,4 +1,4 @@
-// Normals: the direction against the density's gradient, at the ray's expected depth. Twin: src/render/cpu.rs
+// Normals: the direction against the density's gradient, at the ray's expected depth. Twin: src/field/render/cpu.rs
 // (`normal_at`).
 
 // A direction as an integer from 1 to 2²², by octahedral coordinates. `normal_of` in display.wgsl is the inverse.

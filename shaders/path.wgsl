@@ -1,5 +1,5 @@
 // Positions and distances along a ray's path, and the contraction of unbounded scenes (spec 4.8, 4.9). Twins:
-// src/geometry/ray_path.rs, src/geometry/contraction.rs.
+// src/format/geometry/ray_path.rs, src/format/geometry/contraction.rs.
 
 // Half the diagonal of the inner cube, and the largest spacing parameter.
 const INNER_RADIUS = 1.7320508;

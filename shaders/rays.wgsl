@@ -1,5 +1,5 @@
 // The camera's rays, and the distances at which they enter and leave the bounds (spec 4.8). Twins:
-// src/geometry/camera.rs, src/geometry/aabb.rs.
+// src/format/geometry/camera.rs, src/format/geometry/aabb.rs.
 
 @compute @workgroup_size(RAY_LANES)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {

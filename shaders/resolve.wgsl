@@ -1,5 +1,5 @@
 // Compositing: from colors of samples or rays to pixels (spec 4.8, 4.11). Twins: src/field/decoder.rs
-// (`Activations::pixel`), src/render/cpu.rs.
+// (`Activations::pixel`), src/field/render/cpu.rs.
 
 @compute @workgroup_size(RAY_LANES)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {

@@ -1,5 +1,5 @@
 // Access to the scene buffer: one array of quads, which may be split over several bindings (`quad`, in the prelude).
-// Written by src/render/gpu/packed.rs.
+// Written by src/field/render/gpu/packed.rs.
 
 // Word `i`.
 fn word(i: u32) -> u32 {

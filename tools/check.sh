@@ -160,26 +160,24 @@ $install || export STRIVEC_NO_INSTALL=1
 $checks || exit 0
 
 export RUSTDOCFLAGS="-D warnings"
-light=(--no-default-features)
-whole=(--features player)
+whole=(--workspace --features player)
 build=$target/debug
 package=$target/python-package
 # Nothing is built twice here; in smaller pieces it would build more slowly.
 export CARGO_INCREMENTAL=${CARGO_INCREMENTAL:-0}
 
-step cargo fmt --check
+step cargo fmt --all --check
 step cargo fmt --check --manifest-path tools/python/Cargo.toml
 step cargo clippy --locked --all-targets "${whole[@]}" -- -D warnings
 step cargo clippy --locked -- -D warnings
-step cargo clippy --locked --all-targets "${light[@]}" -- -D warnings
+step cargo clippy --locked --package strivec-format --all-targets -- -D warnings
 step cargo clippy --locked --manifest-path tools/python/Cargo.toml --target-dir "$target" -- -D warnings
 step cargo doc --locked --no-deps "${whole[@]}"
-step cargo doc --locked --no-deps "${light[@]}"
 step cargo test --locked "${whole[@]}"
 for renderer in gpu cpu memory; do
     step "$python" tools/player/drive.py "$build/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
 done
-step cargo test --locked "${light[@]}"
+step cargo test --locked --package strivec-format
 step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/lpips
 step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/measure
 step env PYTHONPATH=format-spec/reader PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover format-spec/reader/tests

@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    strivec::player::desktop::main()
+    strivec::desktop::main()
 }

@@ -5,9 +5,9 @@ use std::path::Path;
 use super::Error;
 use super::error::flag_of;
 use super::named_value::one_of;
-use crate::container::SceneFile;
-use crate::model::DecoderMode;
-use crate::render::{ApproximationError, ParetoError, ParetoFront, QualitySelector, RenderSettings};
+use strivec_field::render::{ApproximationError, ParetoError, ParetoFront, QualitySelector, RenderSettings};
+use strivec_format::container::SceneFile;
+use strivec_format::model::DecoderMode;
 
 /// Approximations; none by default.
 #[derive(Clone, Debug, Default, clap::Args)]

@@ -8,16 +8,15 @@ use serde::{Deserialize, Serialize};
 
 use super::Error;
 use super::console::Console;
-use crate::geometry::Camera;
-use crate::measure::{self, F32_POSITION_ERROR, Parity};
-use crate::model::Scene;
-use crate::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer};
+use strivec_field::render::Pixel;
+use strivec_field::render::gpu::{Gpu, GpuError, GpuRenderer, POSITION_ERROR, Precision};
+use strivec_field::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer};
+use strivec_format::geometry::Camera;
 #[cfg(feature = "gpu")]
-use crate::{
-    geometry::Ray,
-    render::Pixel,
-    render::gpu::{Gpu, GpuError, GpuRenderer, POSITION_ERROR, Precision},
-};
+use strivec_format::geometry::Ray;
+use strivec_format::model::Scene;
+use strivec_measure as measure;
+use strivec_measure::{F32_POSITION_ERROR, Parity};
 
 /// The renderers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
@@ -113,9 +112,7 @@ impl From<GpuError> for Error {
     fn from(error: GpuError) -> Self {
         match error {
             GpuError::Approximation(error) => error.into(),
-            GpuError::NoAdapter(_) | GpuError::Device(_) | GpuError::TooLarge { .. } => {
-                Self::Runtime(format!("--backend gpu: {error}"))
-            }
+            _ => Self::Runtime(format!("--backend gpu: {error}")),
         }
     }
 }

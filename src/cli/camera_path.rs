@@ -5,9 +5,9 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::Error;
-use crate::dataset::NamedCamera;
-use crate::geometry::Camera;
-use crate::render::{MAX_KEYFRAMES_BYTES, read_keyframes};
+use strivec_capture::dataset::NamedCamera;
+use strivec_field::render::{MAX_KEYFRAMES_BYTES, read_keyframes};
+use strivec_format::geometry::Camera;
 
 /// Default number of frames of a turntable.
 const TURNTABLE_FRAMES: u32 = 120;

@@ -13,9 +13,9 @@ use super::evaluation::{
 };
 use super::table::{Table, plural};
 use super::{Error, Session};
-use crate::dataset::{Dataset, View};
-use crate::digits::{grouped, numbers};
-use crate::measure::{PairedDifference, ViewReport};
+use strivec_capture::dataset::{Dataset, View};
+use strivec_format::digits::{grouped, numbers};
+use strivec_measure::{PairedDifference, ViewReport};
 
 const EXAMPLES: &str = "\
 Examples:

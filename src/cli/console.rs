@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use super::Error;
 use super::host::Host;
-use crate::escape::{escaped, escaped_json, escaped_lines};
+use strivec_format::escape::{escaped, escaped_json, escaped_lines};
 
 /// The process's two streams, or the host.
 pub(super) struct Console {
@@ -54,7 +54,7 @@ impl Console {
         self.quiet
     }
 
-    /// Prints `result` as JSON with `--json`, else as `text`, without unsafe characters ([`crate::escape`]). `text`
+    /// Prints `result` as JSON with `--json`, else as `text`, without unsafe characters ([`strivec_format::escape`]). `text`
     /// must itself escape line feeds in texts of files and in paths.
     ///
     /// A closed pipe is no error: the command continues, because its files may still be needed, and prints nothing

@@ -10,13 +10,18 @@ use super::output::{check_outputs, make_folder};
 use super::render::colors;
 use super::table::plural;
 use super::{Error, Session, write_atomically};
-use crate::container::{self, EncodeOptions, Encoding};
-use crate::dataset::{self, LoadOptions, SynthOptions};
-use crate::escape::escaped_path;
-use crate::measure::{self, Canvas, ERROR_FULL, ViewReport, color_png, error_map, side_by_side, stacked};
-use crate::recipe::{self, Recipe};
-use crate::render::{CpuRenderer, Renderer};
-use crate::train::TrainConfig;
+use strivec_capture::dataset;
+use strivec_capture::dataset::LoadOptions;
+use strivec_field::render::{CpuRenderer, Renderer};
+use strivec_format::container;
+use strivec_format::container::{EncodeOptions, Encoding};
+use strivec_format::escape::escaped_path;
+use strivec_measure as measure;
+use strivec_measure::{Canvas, ERROR_FULL, ViewReport, color_png, error_map, side_by_side, stacked};
+use strivec_synth::SynthOptions;
+use strivec_train::TrainConfig;
+use strivec_train::recipe;
+use strivec_train::recipe::Recipe;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -72,7 +77,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         force: session.force,
         ..SynthOptions::default()
     };
-    dataset::synthesize(&folder, &options)?;
+    strivec_synth::synthesize(&folder, &options)?;
     let seconds_dataset = start.elapsed().as_secs_f64();
 
     let mut config = TrainConfig::from_toml(SETTINGS, None).map_err(|e| Error::Runtime(e.to_string()))?;

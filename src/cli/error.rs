@@ -4,7 +4,13 @@ use std::fmt::Display;
 use std::io;
 use std::path::Path;
 
-use crate::{container, dataset, import, interop, measure, prior, recipe, train};
+use strivec_capture::{dataset, prior};
+use strivec_export as interop;
+use strivec_format::container;
+use strivec_import as import;
+use strivec_measure as measure;
+use strivec_train as train;
+use strivec_train::recipe;
 
 /// The exit code of [`Error::Usage`].
 pub(super) const USAGE: u8 = 1;
@@ -83,8 +89,19 @@ impl Error {
             match error {
                 interop::Error::Setting { .. } | interop::Error::TooLarge { .. } => Self::Usage(message),
                 interop::Error::Io(_) => Self::Io(message),
-                interop::Error::NotExpressible { .. } => Self::Unsupported(message),
+                interop::Error::Checkpoint(error) => Self::checkpoint(path)(error),
                 _ => Self::Runtime(message),
+            }
+        }
+    }
+
+    /// For `map_err` if the scene was not written as a checkpoint to `path`.
+    pub(super) fn checkpoint(path: &Path) -> impl FnOnce(strivec_checkpoints::Error) -> Self {
+        move |error| {
+            let message = format!("{}: {error}", path.display());
+            match error {
+                strivec_checkpoints::Error::Io(_) => Self::Io(message),
+                _ => Self::Unsupported(message),
             }
         }
     }
@@ -117,6 +134,13 @@ impl From<dataset::Error> for Error {
     }
 }
 
+impl From<strivec_synth::Error> for Error {
+    fn from(error: strivec_synth::Error) -> Self {
+        let message = with_flags(&error.to_string());
+        if error.is_io() { Self::Io(message) } else { Self::Usage(message) }
+    }
+}
+
 impl From<measure::Error> for Error {
     /// Commands measure only pictures of matching sizes, so no input causes this.
     fn from(error: measure::Error) -> Self {
@@ -141,7 +165,7 @@ impl From<prior::BuildError> for Error {
             prior::BuildError::Import(error) => error.into(),
             prior::BuildError::Nothing { .. } | prior::BuildError::OnePlace { .. } => Self::Malformed(message),
             prior::BuildError::Prior(_) | prior::BuildError::TooManyPoints { .. } => Self::Usage(message),
-            prior::BuildError::Stopped => Self::Runtime(message),
+            _ => Self::Runtime(message),
         }
     }
 }
@@ -153,11 +177,10 @@ impl From<train::PrepareError> for Error {
             train::PrepareError::Prior(prior::Error::Option { .. }) | train::PrepareError::Config(_) => {
                 Self::Usage(message)
             }
-            train::PrepareError::Prior(prior::Error::Cancelled { .. }) | train::PrepareError::Scene(_) => {
-                Self::Runtime(message)
-            }
+            train::PrepareError::Prior(prior::Error::Cancelled { .. }) => Self::Runtime(message),
             train::PrepareError::Prior(_) => Self::Malformed(message),
             train::PrepareError::Train(error) => error.into(),
+            _ => Self::Runtime(message),
         }
     }
 }
@@ -169,7 +192,7 @@ impl From<train::TrainError> for Error {
             train::TrainError::NoRays { .. }
             | train::TrainError::TooManyPixels { .. }
             | train::TrainError::Checkpoint(_) => Self::Malformed(message),
-            train::TrainError::Diverged { .. } | train::TrainError::EmptyScene { .. } => Self::Runtime(message),
+            _ => Self::Runtime(message),
         }
     }
 }
@@ -185,7 +208,7 @@ impl From<recipe::PosesError> for Error {
     fn from(error: recipe::PosesError) -> Self {
         match error {
             recipe::PosesError::File(error) => error.into(),
-            recipe::PosesError::Malformed { .. } => Self::Malformed(error.to_string()),
+            _ => Self::Malformed(error.to_string()),
         }
     }
 }
@@ -202,10 +225,7 @@ impl From<recipe::Error> for Error {
             recipe::Error::File(error) => error.into(),
             recipe::Error::Observer(error) => error.downcast().map_or_else(|_| Self::Runtime(message), |error| *error),
             recipe::Error::Checkpoint { .. } | recipe::Error::CheckpointScene { .. } => Self::Malformed(message),
-            recipe::Error::Encode(_)
-            | recipe::Error::TooSmall { .. }
-            | recipe::Error::OutOfReach { .. }
-            | recipe::Error::Interrupted { .. } => Self::Runtime(message),
+            _ => Self::Runtime(message),
         }
     }
 }

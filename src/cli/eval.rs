@@ -13,9 +13,9 @@ use super::evaluation::{
 use super::output::{check_outputs, make_folder};
 use super::table::Table;
 use super::{Error, Session, write_atomically};
-use crate::dataset::Dataset;
-use crate::digits::grouped;
-use crate::measure::{
+use strivec_capture::dataset::Dataset;
+use strivec_format::digits::grouped;
+use strivec_measure::{
     Canvas, ERROR_FULL, Parity, RegionReport, Report, ViewReport, color_png, error_map, side_by_side,
 };
 

@@ -12,14 +12,14 @@ use super::progress::Progress;
 use super::state_file::beside;
 use super::table::{plural, short};
 use super::{Error, Session, check_output, scene_file, write_atomically};
-use crate::digits::grouped;
-use crate::escape::escaped_path;
-use crate::geometry::Aabb;
-use crate::interop::authors::{AuthorsFiles, authors_files};
-use crate::interop::{
-    self, DvgoOptions, OccupancyOptions, Space, SurfaceOptions, dvgo_checkpoint, surface, tensorf_checkpoint,
-};
-use crate::model::Scene;
+use strivec_checkpoints::authors::{AuthorsFiles, authors_files};
+use strivec_checkpoints::tensorf_checkpoint;
+use strivec_export as interop;
+use strivec_export::{DvgoOptions, OccupancyOptions, Space, SurfaceOptions, dvgo_checkpoint, surface};
+use strivec_format::digits::grouped;
+use strivec_format::escape::escaped_path;
+use strivec_format::geometry::Aabb;
+use strivec_format::model::Scene;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -223,20 +223,21 @@ fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Ses
         Kind::Dvgo => {
             let resolution = args.resolution.unwrap_or(DvgoOptions::default().resolution);
             let checkpoint = dvgo_checkpoint(scene, &DvgoOptions { resolution, space }, &sampled).map_err(failed())?;
-            write(&mut |file| Ok(interop::write_checkpoint(file, &checkpoint).map(drop)?))?;
+            write(&mut |file| Ok(strivec_checkpoints::write_checkpoint(file, &checkpoint).map(drop)?))?;
             Ok(Contents::Voxels { resolution })
         }
         Kind::Tensorf => {
-            let checkpoint = tensorf_checkpoint(scene).map_err(failed())?;
-            write(&mut |file| Ok(interop::write_checkpoint(file, &checkpoint).map(drop)?))?;
+            let checkpoint = tensorf_checkpoint(scene).map_err(Error::checkpoint(&args.output))?;
+            write(&mut |file| Ok(strivec_checkpoints::write_checkpoint(file, &checkpoint).map(drop)?))?;
             Ok(Contents::Parameters { parameters: scene.parameter_count() })
         }
         Kind::Authors => {
-            let AuthorsFiles { checkpoint, beside: files } = authors_files(scene).map_err(failed())?;
+            let AuthorsFiles { checkpoint, beside: files } =
+                authors_files(scene).map_err(Error::checkpoint(&args.output))?;
             let stem = args.output.with_extension("");
             let files: Vec<_> = files.into_iter().map(|(end, bytes)| (beside(&stem, &end), bytes)).collect();
             files.iter().try_for_each(|(path, _)| check_output(path, session.force))?;
-            write(&mut |file| Ok(interop::write_checkpoint(file, &checkpoint).map(drop)?))?;
+            write(&mut |file| Ok(strivec_checkpoints::write_checkpoint(file, &checkpoint).map(drop)?))?;
             for (path, bytes) in &files {
                 write_atomically(path, bytes, session.force)?;
             }

@@ -9,13 +9,15 @@ use super::output::check_scene_name;
 use super::state_file::beside;
 use super::table::plural;
 use super::{Error, Session, check_output, numbers, write_atomically};
-use crate::container::{self, EncodeOptions, Metadata};
-use crate::digits::grouped;
-use crate::escape::escaped_path;
-use crate::import::{Fault, Input};
-use crate::interop::authors::{self, Config, Model, Places};
-use crate::interop::{SceneOptions, tensorf};
-use crate::model::{Scene, UpAxis};
+use strivec_checkpoints::authors;
+use strivec_checkpoints::authors::{Config, Model, Places};
+use strivec_checkpoints::{SceneOptions, tensorf};
+use strivec_format::container;
+use strivec_format::container::{EncodeOptions, Metadata};
+use strivec_format::digits::grouped;
+use strivec_format::escape::escaped_path;
+use strivec_format::model::{Scene, UpAxis};
+use strivec_import::{Fault, Input};
 
 const EXAMPLES: &str = "\
 Examples:

@@ -7,10 +7,11 @@ use serde::Serialize;
 use super::scale_table::ScaleRow;
 use super::table::{Table, plural, short};
 use super::{Error, Session, scale_table, scene_file};
-use crate::container::{self, Contents, Metadata};
-use crate::digits::grouped;
-use crate::escape::{escaped, escaped_path};
-use crate::model::{Coverage, Scene};
+use strivec_format::container;
+use strivec_format::container::{Contents, Metadata};
+use strivec_format::digits::grouped;
+use strivec_format::escape::{escaped, escaped_path};
+use strivec_format::model::{Coverage, Scene};
 
 const EXAMPLES: &str = "\
 Examples:

@@ -1,6 +1,6 @@
 //! Arguments of several numbers.
 
-use crate::geometry::Aabb;
+use strivec_format::geometry::Aabb;
 
 /// `N` comma-separated finite numbers.
 pub(super) fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {

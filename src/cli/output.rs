@@ -1,4 +1,4 @@
-//! Output files of commands; [`crate::recipe::write_atomically`] says how they are written.
+//! Output files of commands; [`strivec_train::recipe::write_atomically`] says how they are written.
 
 use std::collections::HashSet;
 use std::fs::{self, File};
@@ -6,7 +6,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use super::Error;
-use crate::recipe;
+use strivec_train::recipe;
 
 /// Checks, before any work is done, that [`write_atomically`] could write `path`: its folder exists and can be
 /// written, and no file would be overwritten without `force`.
@@ -64,11 +64,6 @@ pub(super) fn check_scene_name(path: &Path) -> Result<(), Error> {
     };
     let path = path.display();
     Err(Error::Usage(format!("{path}: the output is a .strivec file, not a .{extension} file; {instead}")))
-}
-
-/// Removes the file `path`, if it is there.
-pub(super) fn remove_file(path: &Path) -> Result<(), Error> {
-    Ok(recipe::remove_file(path)?)
 }
 
 /// Creates the folder `path` and its parents if absent.

@@ -11,10 +11,11 @@ use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Settings};
 use super::table::plural;
 use super::{Error, Session};
-use crate::dataset;
-use crate::digits::grouped;
-use crate::measure::bench;
-use crate::train::{self, PhotographMemory, Plan};
+use crate::bench::lab;
+use strivec_capture::dataset;
+use strivec_format::digits::grouped;
+use strivec_train as train;
+use strivec_train::{PhotographMemory, Plan};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -105,7 +106,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         return session.console.print(&config.to_toml());
     }
     let photographs = if options.downscale == 1 { PhotographMemory::Bytes } else { PhotographMemory::Floats };
-    let speed = bench::machine_speed();
+    let speed = lab::machine_speed();
     let plan = train::plan(&config, &cameras, photographs, &occupied, &speed)?;
     let scales = scale_table::planned(&plan);
     let Plan { decoder_parameters, parameters, file_bytes, memory_bytes, minutes, .. } = plan;

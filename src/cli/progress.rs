@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::console::Console;
-use crate::escape::escaped;
+use strivec_format::escape::escaped;
 
 /// The time between two lines if standard error is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);

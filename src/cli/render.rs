@@ -14,10 +14,10 @@ use super::table::plural;
 use super::video::Video;
 use super::viewpoints::Viewpoints;
 use super::{Error, Session, scene_file, write_atomically};
-use crate::escape::escaped_path;
-use crate::measure::{DepthCode, color_png, depth_png, opacity_png};
-use crate::model::Scene;
-use crate::render::{Picture, RenderSettings, Turntable, upsample_bilinear};
+use strivec_field::render::{Picture, RenderSettings, Turntable, upsample_bilinear};
+use strivec_format::escape::escaped_path;
+use strivec_format::model::Scene;
+use strivec_measure::{DepthCode, color_png, depth_png, opacity_png};
 
 const EXAMPLES: &str = "\
 Examples:

@@ -3,9 +3,9 @@
 use serde::Serialize;
 
 use super::table::{Table, short};
-use crate::digits::grouped;
-use crate::model::{FactorKind, Placement, Scale, Scene};
-use crate::train::{Plan, ScalePlan};
+use strivec_format::digits::grouped;
+use strivec_format::model::{FactorKind, Placement, Scale, Scene};
+use strivec_train::{Plan, ScalePlan};
 
 /// One scale.
 #[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]

@@ -6,7 +6,8 @@ use std::{fs, io};
 
 use super::Error;
 use super::console::Console;
-use crate::container::{self, Limits, Metadata, SceneFile};
+use strivec_format::container;
+use strivec_format::container::{Limits, Metadata, SceneFile};
 
 /// The bytes of the file `path`, or of standard input for `-`.
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {

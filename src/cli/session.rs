@@ -7,7 +7,7 @@ use std::sync::{Arc, OnceLock};
 use super::console::Console;
 use super::error::{Error, USAGE};
 use super::host::Call;
-use crate::escape::print_clap_error;
+use super::print_clap_error;
 
 /// Options of every command.
 #[derive(Clone, Debug, clap::Args)]

@@ -9,12 +9,13 @@ use super::named_value::one_of;
 use super::numbers::boxed;
 use super::observer::ConsoleObserver;
 use super::{Error, Session, quantity};
-use crate::container::Encoding;
-use crate::dataset::LoadOptions;
-use crate::geometry::Aabb;
-use crate::model::Sky;
-use crate::recipe::{self, Photographs};
-use crate::train::{Budget, Exposure, LeanConfig, TrainConfig};
+use strivec_capture::dataset::LoadOptions;
+use strivec_format::container::Encoding;
+use strivec_format::geometry::Aabb;
+use strivec_format::model::Sky;
+use strivec_train::recipe;
+use strivec_train::recipe::Photographs;
+use strivec_train::{Budget, Exposure, LeanConfig, TrainConfig};
 
 /// Width of the shell of unbounded scenes (paper: the authors' runs).
 const DEFAULT_SHELL: f64 = 0.4;

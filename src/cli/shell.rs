@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::output::{check_outputs, make_folder};
 use super::table::plural;
 use super::{Error, Session, pack, write_atomically};
-use crate::escape::escaped_path;
+use strivec_format::escape::escaped_path;
 
 const COMPLETIONS_EXAMPLES: &str = "\
 Examples:

@@ -5,10 +5,11 @@ use std::sync::atomic::AtomicBool;
 
 use super::observer::ConsoleObserver;
 use super::{Error, Session};
-use crate::model::Scene;
-pub(super) use crate::recipe::beside;
-use crate::recipe::{self, CheckpointFile};
-use crate::train::{Checkpoint, Trainer};
+use strivec_format::model::Scene;
+use strivec_train::recipe;
+use strivec_train::recipe::CheckpointFile;
+pub(super) use strivec_train::recipe::beside;
+use strivec_train::{Checkpoint, Trainer};
 
 /// The state of an unfinished run that writes a scene file.
 pub(super) struct StateFile(CheckpointFile);

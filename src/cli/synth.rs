@@ -6,8 +6,8 @@ use serde::Serialize;
 
 use super::named_value::one_of;
 use super::{Error, Session, picture_size};
-use crate::dataset::{self, CameraModel, Surroundings, SynthLayout, SynthOptions, Synthesized};
-use crate::escape::escaped_path;
+use strivec_format::escape::escaped_path;
+use strivec_synth::{CameraModel, Surroundings, SynthLayout, SynthOptions, Synthesized};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -88,7 +88,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     session.console.say(&format!("synth: making {}", folder.display()));
     let test_views = args.test_views.or(layout.test_views(views)).unwrap_or(SynthOptions::default().test_views);
     let options = SynthOptions { layout, camera, views, test_views, size, seed, surroundings, force: session.force };
-    let made = dataset::synthesize(folder, &options)?;
+    let made = strivec_synth::synthesize(folder, &options)?;
     let Synthesized { pictures, lost, triangles, torn: torn_share, points, occupied_cells } = made;
     if layout == SynthLayout::ScanNet {
         let report = ScanReport { folder, pictures, lost, triangles, torn_share };

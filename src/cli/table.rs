@@ -1,7 +1,7 @@
 //! Tables on the terminal.
 
-pub(super) use crate::digits::plural;
-use crate::escape::escaped;
+pub(super) use strivec_format::digits::plural;
+use strivec_format::escape::escaped;
 
 /// Text in columns: the first aligned to the left, the others to the right.
 pub(super) struct Table {

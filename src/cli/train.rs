@@ -14,11 +14,13 @@ use super::training_curve::{CurveObserver, CurvePoint};
 use super::view_selection::evenly_spaced;
 use super::watch::Watch;
 use super::{Error, Session, check_output};
-use crate::dataset::{self, Dataset, LoadOptions, View};
-use crate::digits::grouped;
-use crate::escape::escaped_path;
-use crate::recipe::{self, CheckpointFile, Recipe, Trained};
-use crate::train::{DeadComponents, TrainConfig};
+use strivec_capture::dataset;
+use strivec_capture::dataset::{Dataset, LoadOptions, View};
+use strivec_format::digits::grouped;
+use strivec_format::escape::escaped_path;
+use strivec_train::recipe;
+use strivec_train::recipe::{CheckpointFile, Recipe, Trained};
+use strivec_train::{DeadComponents, TrainConfig};
 
 /// Maximum held-out views that an evaluation during the run renders.
 const HELD_OUT: usize = 20;
@@ -107,7 +109,7 @@ pub(super) fn trained<'a>(args: &'a Args, config: TrainConfig, session: &Session
         None => Vec::new(),
     };
     let watch = args.watch.as_ref().map(|path| watch(path, folder, &options, &dataset, &recipe.config)).transpose()?;
-    let mut observer = CurveObserver::new(console, args, session, &held_out, watch);
+    let mut observer = CurveObserver::new(console, args, &held_out, watch);
     let trained = training.run(&mut dataset, &mut observer).map_err(Error::recipe(output))?;
     trained.write(output, session.force, &mut observer)?;
     Ok(Report::new(output, trained, observer.into_curve()))

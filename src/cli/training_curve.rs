@@ -8,14 +8,14 @@ use super::observer::ConsoleObserver;
 use super::render::colors;
 use super::train::Args;
 use super::watch::Watch;
-use super::{Error, Session, write_atomically};
-use crate::dataset::View;
-use crate::measure::ViewReport;
-use crate::model::Scene;
-use crate::psnr::psnr_of_mse;
-use crate::recipe::{Observer, ObserverError, Progress};
-use crate::render::{CpuRenderer, Renderer};
-use crate::train::{StepReport, Trainer};
+use super::{Error, write_atomically};
+use strivec_capture::dataset::View;
+use strivec_field::render::{CpuRenderer, Renderer};
+use strivec_format::model::Scene;
+use strivec_format::psnr::psnr_of_mse;
+use strivec_measure::ViewReport;
+use strivec_train::recipe::{Observer, ObserverError, Progress};
+use strivec_train::{StepReport, Trainer};
 
 /// Maximum rows of the log, besides those of evaluations.
 const ROWS: u64 = 500;
@@ -34,7 +34,6 @@ pub(super) struct CurvePoint {
 pub(super) struct CurveObserver<'a> {
     console: ConsoleObserver<'a>,
     args: &'a Args,
-    session: &'a Session,
     /// The views of evaluations.
     held_out: &'a [View],
     watch: Option<Watch>,
@@ -48,11 +47,10 @@ impl<'a> CurveObserver<'a> {
     pub(super) fn new(
         console: ConsoleObserver<'a>,
         args: &'a Args,
-        session: &'a Session,
         held_out: &'a [View],
         watch: Option<Watch>,
     ) -> Self {
-        Self { console, args, session, held_out, watch, curve: Vec::new(), error: [0.0; 2] }
+        Self { console, args, held_out, watch, curve: Vec::new(), error: [0.0; 2] }
     }
 
     /// The rows.

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::Error;
 use super::dataset::DatasetOptions;
-use crate::dataset::{self, LoadOptions};
+use strivec_capture::dataset;
+use strivec_capture::dataset::LoadOptions;
 
 /// Views by their number in the split, from 0.
 #[derive(Clone, Debug, clap::Args)]

@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use super::camera_path::{CameraPathOptions, Way, numbered};
 use super::dataset::DatasetOptions;
 use super::{Error, picture_size};
-use crate::dataset::{self, NamedCamera};
-use crate::geometry::{Aabb, Camera};
-use crate::model::{Frame, Scene};
-use crate::render::{Orbit, Turntable};
+use strivec_capture::dataset;
+use strivec_capture::dataset::NamedCamera;
+use strivec_field::render::{Orbit, Turntable};
+use strivec_format::geometry::{Aabb, Camera};
+use strivec_format::model::{Frame, Scene};
 
 /// Viewpoints and their pictures.
 #[derive(Clone, Debug, clap::Args)]
@@ -159,8 +160,8 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::*;
-    use crate::geometry::Similarity;
-    use crate::model::{ColorSpace, UpAxis};
+    use strivec_format::geometry::Similarity;
+    use strivec_format::model::{ColorSpace, UpAxis};
 
     #[derive(Parser)]
     struct Command {

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use super::{Error, write_atomically};
-use crate::dataset::View;
-use crate::geometry::Camera;
-use crate::measure::{Canvas, color_png, side_by_side};
-use crate::train::Trainer;
+use strivec_capture::dataset::View;
+use strivec_format::geometry::Camera;
+use strivec_measure::{Canvas, color_png, side_by_side};
+use strivec_train::Trainer;
 
 /// The most columns of a picture.
 const MAX_WIDTH: u32 = 400;
@@ -74,8 +74,8 @@ fn downscaled(view: &View, factor: u32, background: [f32; 3]) -> Result<Canvas, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::Pixels;
     use glam::DVec3;
+    use strivec_capture::dataset::Pixels;
 
     #[test]
     fn a_photograph_is_shrunk_by_the_means_of_blocks() {

@@ -4,23 +4,26 @@
 use glam::{DVec3, UVec3};
 
 use super::{CellIndex, Real};
-use crate::geometry::cell_at;
-use crate::model::Occupancy;
+use strivec_format::geometry::cell_at;
+use strivec_format::model::Occupancy;
 
 /// A bit grid over cells. For an occupancy it decides as [`Occupancy::contains`] for points inside cells; a point on a
 /// face belongs to the cell beyond the face.
 #[derive(Clone, Debug)]
 pub struct OccupancyCells<T> {
-    pub(crate) min: [T; 3],
-    pub(crate) cells_per_unit: [T; 3],
+    /// Lowest corner of the grid, relative to the field's origin.
+    pub min: [T; 3],
+    /// Cells per model unit, per axis.
+    pub cells_per_unit: [T; 3],
     cell_size: [T; 3],
-    pub(crate) cells: [i32; 3],
+    /// Number of cells, per axis.
+    pub cells: [i32; 3],
     /// Number of bricks of 4³ cells, per axis.
-    pub(crate) bricks: [i32; 3],
+    pub bricks: [i32; 3],
     /// \[brick\] one bit per cell, x fastest.
-    pub(crate) masks: Vec<u64>,
+    pub masks: Vec<u64>,
     /// \[brick\] the Chebyshev distance in bricks to the nearest brick with a set cell, at most 255.
-    pub(crate) distances: Vec<u8>,
+    pub distances: Vec<u8>,
 }
 
 /// Cells along a brick's edge, as a shift.
@@ -178,7 +181,6 @@ impl<T: Real> OccupancyCells<T> {
     }
 
     /// True if any sample between `min` and `max`, or up to 0.01 cells beyond, counts.
-    #[cfg(feature = "toolkit")]
     pub(super) fn any_in(&self, min: [T; 3], max: [T; 3]) -> bool {
         // Rounding in T may move a corner of the box to the other side of a face.
         let slack = T::of(0.01);
@@ -291,8 +293,8 @@ fn bit_in_brick(cell: [i32; 3]) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Aabb;
-    use crate::random::Random;
+    use strivec_format::geometry::Aabb;
+    use strivec_format::random::Random;
 
     fn grid() -> Occupancy {
         let random = Random::new(5, "cells");

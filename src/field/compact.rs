@@ -1,7 +1,7 @@
 //! Compaction: the list of shaded samples and their weights (spec 4.8). Twin: `shaders/compact.wgsl`.
 
 use super::{Field, Real, Samples};
-use crate::random::Random;
+use strivec_format::random::Random;
 
 /// The shaded samples of a march, by ray and distance.
 #[derive(Clone, Debug, Default)]

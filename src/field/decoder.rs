@@ -5,8 +5,8 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::samples::count_contributions;
 use super::{Field, Matrix, MatrixMut, Real, Samples, ShadedSamples, Stage, Work, multiply};
-use crate::geometry::Ray;
-use crate::model::{DecoderMode, Reduction};
+use strivec_format::geometry::Ray;
+use strivec_format::model::{DecoderMode, Reduction};
 
 /// The decoder's activations for a batch of rays. Reused from one batch to the next.
 ///

@@ -3,7 +3,7 @@
 use pulp::Simd;
 
 use super::Real;
-use crate::model::{DecoderMode, Scene};
+use strivec_format::model::{DecoderMode, Scene};
 
 /// A fully connected layer.
 #[derive(Clone, Debug)]
@@ -59,8 +59,7 @@ impl<T: Real> FieldDecoder<T> {
     }
 
     /// The rows of the appearance matrices of a sample's own color, \[3\]\[ΣR\]; `None` if samples have none.
-    #[cfg(feature = "toolkit")]
-    pub(crate) fn own_rows(&self) -> Option<&[T]> {
+    pub fn own_rows(&self) -> Option<&[T]> {
         let width = self.appearance.len() / self.features.max(1);
         (self.mode == DecoderMode::Residual).then(|| &self.appearance[..3 * width])
     }

@@ -7,7 +7,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::neighbors::Neighbors;
 use super::{Field, Real, Samples};
-use crate::model::{Coverage, Reduction};
+use strivec_format::model::{Coverage, Reduction};
 
 impl<T: Real> Field<T> {
     /// The density feature at `position`, relative to the field's origin; `None` outside the model. For single points.
@@ -61,8 +61,7 @@ impl<T: Real> Field<T> {
     }
 
     /// False if no sample between `min` and `max`, relative to the field's origin, counts.
-    #[cfg(feature = "toolkit")]
-    pub(crate) fn may_count_in(&self, min: [T; 3], max: [T; 3]) -> bool {
+    pub fn may_count_in(&self, min: [T; 3], max: [T; 3]) -> bool {
         self.cells().is_none_or(|cells| cells.any_in(min, max))
     }
 

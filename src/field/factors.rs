@@ -10,7 +10,7 @@ use pulp::Simd;
 
 use super::Real;
 use super::vector::MAX_LANES;
-use crate::model::{Block, Form};
+use strivec_format::model::{Block, Form};
 
 /// The factors of the components of one form, of density or of appearance, of a scale's tensors. A tensor holds some components of the scale, and has
 /// none of the others, which are zero: they cost neither memory nor time. Density components are those that are not zero.
@@ -85,7 +85,6 @@ impl HeldComponents {
 
     /// `values`, laid out as the factors, as \[tensor\]\[row\]\[component\] with zeros for the components that
     /// tensors do not hold.
-    #[cfg(any(feature = "toolkit", test))]
     pub fn dense<T: Real>(&self, values: &[T]) -> Vec<T> {
         let mut dense = vec![T::zero(); self.tensors() * self.rows * self.rank];
         for (tensor, dense) in dense.chunks_exact_mut((self.rows * self.rank).max(1)).enumerate() {
@@ -101,8 +100,7 @@ impl HeldComponents {
     }
 
     /// The held components of the same tensors, if these hold \[tensor\] `components`, which ascend.
-    #[cfg(feature = "toolkit")]
-    pub(crate) fn of_components(&self, components: &[Vec<u16>]) -> Self {
+    pub fn of_components(&self, components: &[Vec<u16>]) -> Self {
         let ends = components.iter().scan(0, |end, of_tensor| {
             *end += of_tensor.len() as u32;
             Some(*end)
@@ -113,8 +111,7 @@ impl HeldComponents {
 
     /// `values`, laid out as the factors, laid out for the tensors that hold `to`, whose component c is `order`\[c\] of this;
     /// with zeros for what this does not hold.
-    #[cfg(feature = "toolkit")]
-    pub(crate) fn rearranged<T: Real>(&self, values: &[T], to: &Self, order: &[u16]) -> Vec<T> {
+    pub fn rearranged<T: Real>(&self, values: &[T], to: &Self, order: &[u16]) -> Vec<T> {
         let mut rearranged = Vec::with_capacity(to.value_count());
         for tensor in 0..self.tensors() {
             let held = self.of(tensor);
@@ -131,7 +128,7 @@ impl HeldComponents {
 
     /// \[tensor\] its `values`, which are laid out as the factors, with another number of rows: `resampled` returns them from
     /// the old ones and their number of components.
-    pub(crate) fn resampled<T: Real>(
+    pub fn resampled<T: Real>(
         &self,
         values: &[T],
         resampled: impl Fn(&[T], usize) -> Vec<T>,
@@ -141,13 +138,12 @@ impl HeldComponents {
 
     /// The range of the components of `tensor` among those of all.
     #[inline(always)]
-    pub(crate) fn range(&self, tensor: usize) -> std::ops::Range<usize> {
+    pub fn range(&self, tensor: usize) -> std::ops::Range<usize> {
         self.starts[tensor] as usize..self.starts[tensor + 1] as usize
     }
 
     /// Splits `values` by tensor: those of the factors, or one for each component.
-    #[cfg(feature = "toolkit")]
-    pub(crate) fn split_mut<'v, T>(&self, mut values: &'v mut [T]) -> Vec<&'v mut [T]> {
+    pub fn split_mut<'v, T>(&self, mut values: &'v mut [T]) -> Vec<&'v mut [T]> {
         let each = values.len() / self.components().max(1);
         let tensor = |n| {
             let (of_tensor, rest) = std::mem::take(&mut values).split_at_mut(each * self.count(n));
@@ -173,7 +169,7 @@ pub struct Contribution<T> {
 
 /// Which components of a tensor a field holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Holding {
+pub enum Holding {
     /// Components that are not zero.
     Nonzero,
     /// All components up to the last that is not zero, so that they are the first of the scale.
@@ -187,7 +183,7 @@ impl<T: Real> FieldFactors<T> {
     }
 
     /// Holds components like [`FieldFactors::new`]; those for which `is_zero`(tensor, component) count as zero.
-    pub(crate) fn without(
+    pub fn without(
         holding: Holding,
         block: &Block,
         resolution: [u32; 3],
@@ -256,8 +252,7 @@ impl<T: Real> FieldFactors<T> {
     }
 
     /// The factors to change, and the components that tensors hold.
-    #[cfg(feature = "toolkit")]
-    pub(crate) fn split(&mut self) -> (&HeldComponents, &mut [T]) {
+    pub fn split(&mut self) -> (&HeldComponents, &mut [T]) {
         let count = self.held.value_count();
         (&self.held, &mut self.values[..count])
     }
@@ -352,8 +347,7 @@ impl<T: Real> FieldFactors<T> {
     }
 
     /// Holds the components `held`, of the same tensors; its component c was `order`\[c\].
-    #[cfg(feature = "toolkit")]
-    pub(crate) fn rearrange(&mut self, held: HeldComponents, order: &[u16]) {
+    pub fn rearrange(&mut self, held: HeldComponents, order: &[u16]) {
         let mut values = AVec::with_capacity(CACHELINE_ALIGN, held.value_count() + MAX_LANES);
         values.extend_from_slice(&self.held.rearranged(self.values(), &held, order));
         values.resize(values.len() + MAX_LANES, T::zero());

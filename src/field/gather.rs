@@ -5,7 +5,7 @@ use pulp::Simd;
 
 use super::factors::{Factorized, Rows};
 use super::{Contribution, FieldScale, Real};
-use crate::model::Form;
+use strivec_format::model::Form;
 
 impl<T: Real> FieldScale<T> {
     /// The contribution of `tensor`, of this scale, with `weight` to `position`, which is relative to the field's origin.

@@ -9,8 +9,8 @@ use super::Real;
 use super::positions::Positions;
 use super::real::floor;
 use super::vector::MAX_LANES;
-use crate::geometry::Aabb;
-use crate::model::TensorCloud;
+use strivec_format::geometry::Aabb;
+use strivec_format::model::TensorCloud;
 
 /// Candidates per block, which are tested together. If edges are shorter than two pitches, the candidates of a cell are
 /// the eight corners of a lattice cell and fit in one block.
@@ -56,7 +56,7 @@ impl<T: Real> CellIndex<T> {
     }
 
     /// The index of `cloud`, as [`Self::new`] makes it; `None` if it takes more than `memory` bytes.
-    pub(crate) fn within(cloud: &TensorCloud, origin: DVec3, memory: u64) -> Option<Self> {
+    pub fn within(cloud: &TensorCloud, origin: DVec3, memory: u64) -> Option<Self> {
         let bounds = cloud.bounds();
         let bounds = Aabb { min: bounds.min - origin, max: bounds.max - origin };
         // A cell is a sixth of an edge, so a tensor fills 216 cells: only clouds that are sparse in their bounds
@@ -106,7 +106,7 @@ impl<T: Real> CellIndex<T> {
     }
 
     /// Bytes of memory, but for what construction takes.
-    pub(crate) fn memory(&self) -> u64 {
+    pub fn memory(&self) -> u64 {
         (4 * (self.lists.len() + self.starts.len()) + self.blocks.len() * size_of::<CandidateBlock<T>>()) as u64
     }
 
@@ -158,19 +158,19 @@ impl<T: Real> CellIndex<T> {
     }
 
     /// The grid, per axis: the lower corner relative to the field's origin, cells per model unit, number of cells.
-    pub(crate) fn grid(&self) -> ([T; 3], [T; 3], [i32; 3]) {
+    pub fn grid(&self) -> ([T; 3], [T; 3], [i32; 3]) {
         (self.min, self.cells_per_unit, self.cells)
     }
 
     /// \[cell\] the index of its list, x fastest.
     #[cfg(feature = "gpu")]
-    pub(crate) fn lists(&self) -> &[u32] {
+    pub fn lists(&self) -> &[u32] {
         &self.lists
     }
 
     /// Each list's tensors, ascending, with their centers relative to the field's origin. The first list is empty.
     #[cfg(feature = "gpu")]
-    pub(crate) fn candidates(&self) -> impl Iterator<Item = impl Iterator<Item = ([T; 3], u32)>> {
+    pub fn candidates(&self) -> impl Iterator<Item = impl Iterator<Item = ([T; 3], u32)>> {
         (0..self.starts.len() as u32 - 1).map(|list| {
             self.blocks(list).iter().flat_map(|block| {
                 (0..block.count as usize).map(|l| ([0, 1, 2].map(|a| block.centers[a][l]), block.tensors[l]))

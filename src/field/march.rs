@@ -6,7 +6,7 @@
 
 use super::samples::{ActiveRay, Run, count_contributions};
 use super::{Field, RayMarcher, Real, Samples, Stage, add_compensated};
-use crate::geometry::Ray;
+use strivec_format::geometry::Ray;
 
 /// Samples that a ray advances by at a time; samples behind its end are discarded.
 /// With 8, a frame evaluates 3.97 instead of 3.64 million samples (docs/experiments/2026-11-26-tight-occupancy.md); 2

@@ -11,7 +11,7 @@ use super::positions::Positions;
 use super::samples::{Contributions, Neighborhood};
 use super::vector::MAX_LANES;
 use super::{Contribution, FieldScale, Real};
-use crate::model::{Aggregation, MAX_TOP_K};
+use strivec_format::model::{Aggregation, MAX_TOP_K};
 
 /// The neighbors found for a batch of samples, and scratch.
 pub(super) struct Neighbors<'a, T> {

@@ -4,11 +4,11 @@ use std::sync::Mutex;
 
 /// Reused values: as many as threads have needed at once.
 #[derive(Debug, Default)]
-pub(crate) struct Pool<S>(Mutex<Vec<S>>);
+pub struct Pool<S>(Mutex<Vec<S>>);
 
 impl<S: Default> Pool<S> {
     /// Calls `work` with a value that no other task uses meanwhile.
-    pub(crate) fn with<R>(&self, work: impl FnOnce(&mut S) -> R) -> R {
+    pub fn with<R>(&self, work: impl FnOnce(&mut S) -> R) -> R {
         // The lock is held for a push or a pop alone, once a task.
         let taken = self.0.lock().expect("no task panics while it holds the lock").pop();
         let mut value = taken.unwrap_or_default();
@@ -18,8 +18,7 @@ impl<S: Default> Pool<S> {
     }
 
     /// Calls `visit` with each value, while none is in use.
-    #[cfg(feature = "toolkit")]
-    pub(crate) fn for_each(&self, visit: impl FnMut(&mut S)) {
+    pub fn for_each(&self, visit: impl FnMut(&mut S)) {
         self.0.lock().expect("no task panics while it holds the lock").iter_mut().for_each(visit);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::cells::{Line, Span};
 use super::{Field, OccupancyCells, Real};
-use crate::geometry::{Ray, RayPath};
+use strivec_format::geometry::{Ray, RayPath};
 
 /// The state of one ray's march.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@ use pulp::Simd;
 
 use super::real::floor;
 use super::{CellIndex, FieldFactors, Real};
-use crate::model::{Form, Scale, TensorCloud};
+use strivec_format::model::{Form, Scale, TensorCloud};
 
 /// The tensors of a scale.
 #[derive(Clone, Debug)]
@@ -19,7 +19,7 @@ pub struct FieldScale<T> {
     pub half_edge: [T; 3],
     /// Cells along each axis.
     pub resolution: [u32; 3],
-    /// Density factors, as the blocks of [`crate::model::Factors`].
+    /// Density factors, as the blocks of [`strivec_format::model::Factors`].
     pub density: Vec<FieldFactors<T>>,
     /// Appearance factors, alike.
     pub appearance: Vec<FieldFactors<T>>,
@@ -32,16 +32,19 @@ pub struct FieldScale<T> {
 #[derive(Clone, Copy, Debug)]
 pub struct TensorVertices<T> {
     half_edge: [T; 3],
-    pub(crate) cells_per_unit: [T; 3],
-    pub(crate) last_cell: [i32; 3],
+    /// Cells between vertices per model unit, per axis.
+    pub cells_per_unit: [T; 3],
+    /// Index of the last cell, per axis.
+    pub last_cell: [i32; 3],
 }
 
 /// The lower of two vertices and the fraction of the way to the next, per axis. Used by training only.
-#[cfg(feature = "toolkit")]
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Interpolation<T> {
-    pub(crate) lower: [usize; 3],
-    pub(crate) fractions: [T; 3],
+pub struct Interpolation<T> {
+    /// Lower vertex, per axis.
+    pub lower: [usize; 3],
+    /// Fraction of the way from the lower vertex to the next, in \[0, 1\], per axis.
+    pub fractions: [T; 3],
 }
 
 impl<T: Real> TensorVertices<T> {
@@ -54,9 +57,8 @@ impl<T: Real> TensorVertices<T> {
     }
 
     /// Vertices and fractions at `offset` from a tensor's center.
-    #[cfg(feature = "toolkit")]
     #[inline(always)]
-    pub(crate) fn at(&self, offset: [T; 3]) -> Interpolation<T> {
+    pub fn at(&self, offset: [T; 3]) -> Interpolation<T> {
         let (x, y, z) = (self.on_axis(0, offset[0]), self.on_axis(1, offset[1]), self.on_axis(2, offset[2]));
         Interpolation { lower: [x.0 as usize, y.0 as usize, z.0 as usize], fractions: [x.1, y.1, z.1] }
     }
@@ -86,9 +88,9 @@ impl<T: Real> TensorVertices<T> {
     }
 }
 
-#[cfg(feature = "toolkit")]
+/// `position` relative to a tensor's `center`, in model units.
 #[inline(always)]
-pub(crate) fn offset<T: Real>(position: [T; 3], center: [T; 3]) -> [T; 3] {
+pub fn offset<T: Real>(position: [T; 3], center: [T; 3]) -> [T; 3] {
     [position[0] - center[0], position[1] - center[1], position[2] - center[2]]
 }
 
@@ -168,12 +170,12 @@ impl<T: Real> FieldScale<T> {
     }
 
     /// The most neighbors of a point.
-    pub(crate) fn top_k(&self) -> usize {
+    pub fn top_k(&self) -> usize {
         self.top_k
     }
 
     /// The candidate lists of the tensors.
-    pub(crate) fn index(&self) -> &CellIndex<T> {
+    pub fn index(&self) -> &CellIndex<T> {
         &self.index
     }
 }

@@ -4,7 +4,7 @@
 use glam::DVec3;
 
 use super::Real;
-use crate::model::{SKY_NORMS, Sky};
+use strivec_format::model::{SKY_NORMS, Sky};
 
 /// Coefficients are clamped to this magnitude, so that sums of them are finite in f32.
 const MAX_COEFFICIENT: f32 = 1e30;
@@ -102,7 +102,7 @@ impl<T: Real> FieldSky<T> {
     /// \[term\] red, green and blue coefficients times the factor N of the term, so that the color is the sigmoid of a
     /// sum over polynomials.
     #[cfg(feature = "gpu")]
-    pub(crate) fn polynomial_coefficients(&self) -> Vec<[f32; 3]> {
+    pub fn polynomial_coefficients(&self) -> Vec<[f32; 3]> {
         let terms = Sky::terms(self.degree);
         let of_term = |k: usize| [0, 1, 2].map(|c| (self.coefficients[c * terms + k].f64() * SKY_NORMS[k]) as f32);
         (0..terms).map(of_term).collect()
@@ -112,7 +112,7 @@ impl<T: Real> FieldSky<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Random;
+    use strivec_format::random::Random;
 
     fn directions() -> impl Iterator<Item = DVec3> {
         let random = Random::new(3, "sky");

@@ -6,7 +6,7 @@
 use pulp::Simd;
 
 /// The most lanes of a register in any instruction set.
-pub(crate) const MAX_LANES: usize = 16;
+pub const MAX_LANES: usize = 16;
 
 /// A number with vector registers.
 pub trait Vector: Copy {

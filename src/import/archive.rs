@@ -15,7 +15,7 @@ use super::{Fault, Input};
 /// Entries of an archive.
 const MAX_ENTRIES: u64 = 1 << 16;
 /// Bytes of an entry after decompression.
-pub(super) const MAX_ENTRY: u64 = 1 << 34;
+pub const MAX_ENTRY: u64 = 1 << 34;
 /// Bytes of a directory entry without its name.
 const DIRECTORY_ENTRY: u64 = 46;
 
@@ -25,13 +25,14 @@ const LOCATOR: &[u8] = b"PK\x06\x07";
 const END_64: &[u8] = b"PK\x06\x06";
 
 /// An archive.
-pub(super) struct Archive<'a, 'b> {
+#[derive(Debug)]
+pub struct Archive<'a, 'b> {
     zip: ZipArchive<&'a mut Input<'b>>,
 }
 
 impl<'a, 'b> Archive<'a, 'b> {
     /// True if a file with this beginning is an archive.
-    pub(super) fn begins(start: &[u8]) -> bool {
+    pub fn begins(start: &[u8]) -> bool {
         start.starts_with(b"PK\x03\x04") || start.starts_with(END)
     }
 
@@ -40,7 +41,7 @@ impl<'a, 'b> Archive<'a, 'b> {
     /// # Errors
     ///
     /// If there is no directory, it has too many entries, or two entries have the same name.
-    pub(super) fn open(input: &'a mut Input<'b>) -> Result<Self, Fault> {
+    pub fn open(input: &'a mut Input<'b>) -> Result<Self, Fault> {
         let entries = check_end(input)?;
         let zip = ZipArchive::new(input).map_err(|e| fault("the archive", e))?;
         // `zip` keeps one entry of each name.
@@ -51,7 +52,7 @@ impl<'a, 'b> Archive<'a, 'b> {
     }
 
     /// Names of the entries, sorted.
-    pub(super) fn names(&self) -> Vec<String> {
+    pub fn names(&self) -> Vec<String> {
         let mut names: Vec<_> = self.zip.file_names().filter_map(|name| Some(name.ok()?.into_owned())).collect();
         names.sort_unstable();
         names
@@ -62,7 +63,7 @@ impl<'a, 'b> Archive<'a, 'b> {
     /// # Errors
     ///
     /// If there is no such entry, or it is too long or neither stored nor deflated.
-    pub(super) fn entry(&mut self, name: &str) -> Result<ZipFile<'_, &'a mut Input<'b>>, Fault> {
+    pub fn entry(&mut self, name: &str) -> Result<ZipFile<'_, &'a mut Input<'b>>, Fault> {
         let entry = self.zip.by_name(name).map_err(|e| fault(name, e))?;
         match entry.compression() {
             CompressionMethod::Stored if entry.size() != entry.compressed_size() => {
@@ -86,7 +87,7 @@ impl<'a, 'b> Archive<'a, 'b> {
     /// # Errors
     ///
     /// The errors of [`Archive::entry`], and if the entry is longer than `most` or contradicts its size or checksum.
-    pub(super) fn bytes(&mut self, name: &str, most: u64) -> Result<Vec<u8>, Fault> {
+    pub fn bytes(&mut self, name: &str, most: u64) -> Result<Vec<u8>, Fault> {
         let mut entry = self.entry(name)?;
         let size = entry.size();
         Fault::unless_within(&format!("{name}: bytes"), most, size)?;
@@ -153,7 +154,7 @@ fn fault(place: &str, error: ZipError) -> Fault {
 /// # Errors
 ///
 /// If there are more bytes, or the checksum is wrong.
-pub(super) fn check_end_of(entry: &mut dyn Read, name: &str) -> Result<(), Fault> {
+pub fn check_end_of(entry: &mut dyn Read, name: &str) -> Result<(), Fault> {
     match entry.read(&mut [0]).map_err(|e| reading(name, e))? {
         0 => Ok(()),
         _ => Err(Fault::invalid(name, "it has more bytes than it declares")),
@@ -161,7 +162,7 @@ pub(super) fn check_end_of(entry: &mut dyn Read, name: &str) -> Result<(), Fault
 }
 
 /// The fault of an error while reading or decompressing; most are the file's, some the system's.
-pub(super) fn reading(place: &str, error: std::io::Error) -> Fault {
+pub fn reading(place: &str, error: std::io::Error) -> Fault {
     match error.kind() {
         ErrorKind::UnexpectedEof => Fault::invalid(place, "it ends early"),
         // A wrong checksum is `Other`.

@@ -109,7 +109,7 @@ fn number<T: std::str::FromStr>(field: &str, what: &str, place: impl Fn() -> Str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::testing::seen_with;
+    use crate::testing::seen_with;
 
     /// Two points: one of three pictures, and one of one picture and a large error.
     fn binary() -> Vec<u8> {

@@ -3,8 +3,6 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::dataset;
-
 /// Why reading failed, without the file's name, which readers of bytes do not have.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -83,20 +81,6 @@ pub struct ImportError {
     /// The problem.
     #[source]
     pub fault: Fault,
-}
-
-impl ImportError {
-    /// The error of the dataset at `path`.
-    pub(super) fn of_dataset(path: &Path, error: dataset::Error) -> Self {
-        match error {
-            dataset::Error::Read { path, source } => Fault::Io(source).of(&path),
-            dataset::Error::Text { path, place, expected, found } => Fault::malformed(place, expected, found).of(&path),
-            dataset::Error::TooLarge { path, what, limit, found } => {
-                Fault::Limit { what: what.into(), limit, found }.of(&path)
-            }
-            other => Fault::invalid("the dataset", other.to_string()).of(path),
-        }
-    }
 }
 
 /// The beginning of a text in quotation marks, with control characters escaped.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::{Fault, ImportError, Input, ReadOptions, Visitor};
-use super::{arrays, colmap, depth, e57, gltf, las, obj, octomap, off, pcd, ply, scannet, splats, stl, torch, xyz};
+use super::{arrays, colmap, e57, gltf, las, obj, octomap, off, pcd, ply, splats, stl, xyz};
 
 /// The supported formats, with one reader each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,20 +102,13 @@ impl Format {
     }
 }
 
-/// Reads the geometry of the file or folder `path`. A folder holds a ScanNet scene, whose mesh is read, or COLMAP's
-/// points, themselves or in `0` or `sparse/0`.
+/// Reads the geometry of the file `path`, or of the points of a folder of COLMAP's: in itself, or in `0` or `sparse/0`.
 ///
 /// # Errors
 ///
-/// If the format is unknown, the file breaks its format, and those of `visitor`.
+/// If the format is unknown or of another crate ([`Format::Torch`], [`Format::DepthMaps`]), the file breaks its format, and
+/// those of `visitor`.
 pub fn read(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), ImportError> {
-    let of = |path: &Path| {
-        let path = path.to_path_buf();
-        move |fault: Fault| fault.of(&path)
-    };
-    if let Some(scan) = scannet::scan_of(path)? {
-        return read_file(&scan.mesh, options, &mut scan.aligned(visitor));
-    }
     if !path.is_dir() {
         return read_file(path, options, visitor);
     }
@@ -123,10 +116,11 @@ pub fn read(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Re
     let points = folders.iter().flat_map(|folder| ["points3D.bin", "points3D.txt"].map(|name| folder.join(name)));
     match points.into_iter().find(|file| file.is_file()) {
         Some(file) => read_file(&file, options, visitor),
-        None => Err(of(path)(Fault::invalid(
+        None => Err(Fault::invalid(
             "the folder",
             "it has neither a ScanNet scene nor, in itself, 0 or sparse/0, COLMAP's points3D.bin or points3D.txt",
-        ))),
+        )
+        .of(path)),
     }
 }
 
@@ -149,12 +143,11 @@ fn read_file(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> R
         Format::E57 => e57::read(input, options, visitor),
         Format::ColmapBinary => colmap::read_binary(input, options, visitor),
         Format::ColmapText => colmap::read_text(input, options, visitor),
-        Format::Torch => torch::read(input, options, visitor),
         Format::Octomap => octomap::read(input, options, visitor),
         Format::Spz => splats::read_spz(input, options, visitor),
         Format::Splat => splats::read_records(input, options, visitor),
-        // The maps are other files, which its errors name.
-        Format::DepthMaps => return depth::read(path, visitor),
+        Format::Torch => Err(Fault::unsupported("a checkpoint of PyTorch", "read it with `strivec_checkpoints`")),
+        Format::DepthMaps => Err(Fault::unsupported("a list of depth maps", "read it with `strivec_capture`")),
     };
     read.map_err(of)
 }
@@ -162,7 +155,7 @@ fn read_file(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::testing::Seen;
+    use crate::testing::Seen;
 
     #[test]
     fn the_points_of_a_reconstruction_are_found_below_its_folder() {

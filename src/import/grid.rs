@@ -3,11 +3,11 @@
 use glam::DVec3;
 
 use super::{Fault, ReadOptions};
-use crate::geometry::Aabb;
+use strivec_format::geometry::Aabb;
 
 /// Where the numbers of a grid are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum At {
+pub enum At {
     /// At cells: n cells fill the box.
     Cells,
     /// At vertices, the first and last on the faces of the box ("aligned corners"). A vertex's box reaches half a cell
@@ -17,7 +17,7 @@ pub(super) enum At {
 
 /// Order of the axes, slowest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Order {
+pub enum Order {
     /// \[x\]\[y\]\[z\]: DVGO's grids.
     Xyz,
     /// \[z\]\[y\]\[x\]: this project's grids and TensoRF's masks.
@@ -26,9 +26,9 @@ pub(super) enum Order {
 
 /// A grid over a box.
 #[derive(Clone, Debug)]
-pub(super) struct Grid {
+pub struct Grid {
     /// Lengths of the axes, the slowest first.
-    pub(super) shape: [u64; 3],
+    pub shape: [u64; 3],
     order: Order,
     origin: DVec3,
     pitch: DVec3,
@@ -42,7 +42,7 @@ impl Grid {
     /// # Errors
     ///
     /// If the box is not finite and solid, or an axis is too short.
-    pub(super) fn new(shape: [u64; 3], order: Order, at: At, bounds: &Aabb) -> Result<Self, Fault> {
+    pub fn new(shape: [u64; 3], order: Order, at: At, bounds: &Aabb) -> Result<Self, Fault> {
         if !bounds.is_solid() || !bounds.size().is_finite() {
             return Err(Fault::malformed("the grid's bounds", "finite corners with min < max", format!("{bounds:?}")));
         }
@@ -62,12 +62,12 @@ impl Grid {
     }
 
     /// This grid, stored with the first axis fastest if `fortran`, else with the last.
-    pub(super) fn fortran(self, fortran: bool) -> Self {
+    pub fn fortran(self, fortran: bool) -> Self {
         Self { fortran, ..self }
     }
 
     /// (x, y, z) of number `n`.
-    pub(super) fn index(&self, n: u64) -> [u64; 3] {
+    pub fn index(&self, n: u64) -> [u64; 3] {
         let [a, b, c] = self.shape;
         let index = if self.fortran { [n % a, n / a % b, n / (a * b)] } else { [n / (b * c), n / c % b, n % c] };
         match self.order {
@@ -77,13 +77,13 @@ impl Grid {
     }
 
     /// The box of number `n`.
-    pub(super) fn cell(&self, n: u64) -> Aabb {
+    pub fn cell(&self, n: u64) -> Aabb {
         let index = DVec3::from_array(self.index(n).map(|i| i as f64));
         Aabb { min: self.origin + index * self.pitch, max: self.origin + (index + 1.0) * self.pitch }
     }
 
     /// The center of [`Grid::cell`].
-    pub(super) fn center(&self, n: u64) -> DVec3 {
+    pub fn center(&self, n: u64) -> DVec3 {
         let index = DVec3::from_array(self.index(n).map(|i| i as f64));
         self.origin + (index + 0.5) * self.pitch
     }
@@ -94,7 +94,7 @@ impl Grid {
 /// # Errors
 ///
 /// If there are fewer axes, or others of another length.
-pub(super) fn three_axes(shape: &[u64]) -> Result<[u64; 3], Fault> {
+pub fn three_axes(shape: &[u64]) -> Result<[u64; 3], Fault> {
     let mut axes = shape;
     while axes.len() > 3 && axes[0] == 1 {
         axes = &axes[1..];
@@ -110,7 +110,7 @@ pub(super) fn three_axes(shape: &[u64]) -> Result<[u64; 3], Fault> {
 /// # Errors
 ///
 /// If `options` has none either.
-pub(super) fn bounds_given(options: &ReadOptions) -> Result<Aabb, Fault> {
+pub fn bounds_given(options: &ReadOptions) -> Result<Aabb, Fault> {
     options
         .bounds
         .ok_or_else(|| Fault::unsupported("a grid without bounds", "give its smallest and largest corner as `bounds`"))
@@ -118,7 +118,7 @@ pub(super) fn bounds_given(options: &ReadOptions) -> Result<Aabb, Fault> {
 
 /// The map from DVGO's densities to opacities.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Density {
+pub struct Density {
     shift: f64,
     interval: f64,
 }
@@ -129,7 +129,7 @@ impl Density {
     /// # Errors
     ///
     /// If `shift` is not finite or `interval` not positive.
-    pub(super) fn new(shift: f64, interval: f64) -> Result<Self, Fault> {
+    pub fn new(shift: f64, interval: f64) -> Result<Self, Fault> {
         if !shift.is_finite() {
             return Err(Fault::malformed("act_shift", "a finite number", shift));
         }
@@ -144,7 +144,7 @@ impl Density {
     /// # Errors
     ///
     /// If `alpha` is not between 0 and 1.
-    pub(super) fn shift_of(alpha: f64) -> Result<f64, Fault> {
+    pub fn shift_of(alpha: f64) -> Result<f64, Fault> {
         if !(alpha > 0.0 && alpha < 1.0) {
             return Err(Fault::malformed("alpha_init", "a number between 0 and 1", alpha));
         }
@@ -153,7 +153,7 @@ impl Density {
 
     /// DVGO's post-activated opacity, 1 − (1 + exp(density + shift))^(−interval), computed without cancellation if it
     /// is small.
-    pub(super) fn alpha(&self, density: f64) -> f64 {
+    pub fn alpha(&self, density: f64) -> f64 {
         let x = density + self.shift;
         let softplus = x.max(0.0) + (-x.abs()).exp().ln_1p();
         -(-self.interval * softplus).exp_m1()

@@ -7,7 +7,7 @@
 use glam::DVec3;
 
 use super::{Fault, Input, ReadOptions, Visitor};
-use crate::geometry::Aabb;
+use strivec_format::geometry::Aabb;
 
 /// Levels below the root.
 const DEPTH: u32 = 16;
@@ -208,7 +208,7 @@ fn log_odds(probability: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::testing::{Seen, seen_with};
+    use crate::testing::{Seen, seen_with};
 
     fn tree(binary: bool, header: &str, nodes: &[u8]) -> Vec<u8> {
         let first = if binary { BINARY } else { FULL };

@@ -10,7 +10,7 @@ use glam::DVec3;
 use super::error::excerpt;
 use super::polygon::{MAX_CORNERS, Triangulator};
 use super::{Fault, Input, Point, ReadOptions, Visitor};
-use crate::color::byte;
+use strivec_format::color::byte;
 
 /// Bytes of a line: room for a polygon of a million corners.
 const MAX_LINE: usize = 1 << 24;
@@ -172,7 +172,7 @@ impl Columns {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::testing::{Seen, seen_with};
+    use crate::testing::{Seen, seen_with};
 
     fn seen(text: &str) -> Seen {
         seen_with(text.as_bytes(), &ReadOptions::default(), read).unwrap()

@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn hostile_polygons_end() {
-        let random = crate::random::Random::new(2, "polygon");
+        let random = strivec_format::random::Random::new(2, "polygon");
         let at = |n: u64| DVec3::new(random.uniform(2 * n), random.uniform(2 * n + 1), 0.0);
         let wild: Vec<_> = (0..2000).map(at).collect();
         assert_eq!(cut(&wild).len(), 1998);

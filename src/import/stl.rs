@@ -90,7 +90,7 @@ fn pass(corners: [Point; 3], options: &ReadOptions, visitor: &mut dyn Visitor) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::testing::{Seen, seen_with};
+    use crate::testing::{Seen, seen_with};
 
     fn read_of(bytes: &[u8]) -> Result<Seen, Fault> {
         seen_with(bytes, &ReadOptions::default(), read)

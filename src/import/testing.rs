@@ -3,20 +3,20 @@
 use glam::DVec3;
 
 use super::{Fault, Input, LeftOut, Point, ReadOptions, Visitor};
-use crate::geometry::Aabb;
+use strivec_format::geometry::Aabb;
 
 /// The recorded geometry.
 #[derive(Debug, Default)]
-pub(crate) struct Seen {
-    pub(crate) points: Vec<Point>,
-    pub(crate) triangles: Vec<[Point; 3]>,
-    pub(crate) cells: Vec<Aabb>,
-    pub(crate) splats: Vec<(Point, [DVec3; 3])>,
-    pub(crate) left_out: Vec<LeftOut>,
+pub struct Seen {
+    pub points: Vec<Point>,
+    pub triangles: Vec<[Point; 3]>,
+    pub cells: Vec<Aabb>,
+    pub splats: Vec<(Point, [DVec3; 3])>,
+    pub left_out: Vec<LeftOut>,
 }
 
 impl Seen {
-    pub(crate) fn positions(&self) -> Vec<[f64; 3]> {
+    pub fn positions(&self) -> Vec<[f64; 3]> {
         self.points.iter().map(|point| point.position.to_array()).collect()
     }
 }
@@ -54,7 +54,7 @@ impl Visitor for Seen {
 type Read = fn(&mut Input<'_>, &ReadOptions, &mut dyn Visitor) -> Result<(), Fault>;
 
 /// The geometry that `read` finds in `bytes`.
-pub(crate) fn seen_with(bytes: &[u8], options: &ReadOptions, read: Read) -> Result<Seen, Fault> {
+pub fn seen_with(bytes: &[u8], options: &ReadOptions, read: Read) -> Result<Seen, Fault> {
     let mut seen = Seen::default();
     read(&mut Input::from_bytes(bytes), options, &mut seen)?;
     Ok(seen)

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::Fault;
-use crate::geometry::Aabb;
+use strivec_format::geometry::Aabb;
 
 /// A point on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,6 @@ impl Point {
 
 /// A reader's reason to leave out a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub enum LeftOut {
     /// LAS: it is marked as withheld.
     Withheld,

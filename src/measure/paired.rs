@@ -16,7 +16,7 @@ impl PairedDifference {
     /// The mean of `differences`, one for each view; `None` for none.
     ///
     /// ```
-    /// use strivec::measure::PairedDifference;
+    /// use strivec_measure::PairedDifference;
     ///
     /// let found = PairedDifference::new(&[1.0, 2.0, 3.0, 6.0]).unwrap();
     /// assert_eq!(found.mean, 3.0);

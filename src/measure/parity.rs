@@ -4,9 +4,9 @@
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::geometry::{Camera, Ray};
-use crate::model::Scene;
-use crate::render::{Pixel, ReferenceRenderer, Renderer};
+use strivec_field::render::{Pixel, ReferenceRenderer, Renderer};
+use strivec_format::geometry::{Camera, Ray};
+use strivec_format::model::Scene;
 
 /// The position error of f32 arithmetic near the model's origin, in model units (spec 4.10).
 pub const F32_POSITION_ERROR: f64 = 1e-6;

@@ -7,7 +7,7 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 
 use super::Error;
-use crate::color::byte;
+use strivec_format::color::byte;
 
 /// `value` in \[0, 1\] as a whole number from 0 to `full`, half rounded up. Values outside are clamped; NaN is 0.
 fn quantized(value: f64, full: f64) -> f64 {

@@ -5,12 +5,12 @@ use std::time::Instant;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::container::{Probe, Probes};
-use crate::field::Field;
-use crate::geometry::{Aabb, Ray};
-use crate::model::{ReferenceField, Scene};
-use crate::random::Random;
-use crate::render::{CpuRenderer, Pixel, ReferenceRenderer, Renderer};
+use strivec_field::Field;
+use strivec_field::render::{CpuRenderer, Pixel, ReferenceRenderer, Renderer};
+use strivec_format::container::{Probe, Probes};
+use strivec_format::geometry::{Aabb, Ray};
+use strivec_format::model::{ReferenceField, Scene};
+use strivec_format::random::Random;
 
 /// Rays tried for each probe. The one with the largest decision margin is kept.
 const TRIED: u64 = 16;
@@ -229,11 +229,11 @@ fn density_error_of(field: &ReferenceField<'_>, probe: &Probe) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::container::{Limits, decode_scene_file};
+    use strivec_format::container::{Limits, decode_scene_file};
 
     #[test]
     fn probes_are_checked_within_time_and_memory() {
-        let bytes = include_bytes!("../../fixtures/v1/f32.strivec");
+        let bytes = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/v1/f32.strivec"));
         let file = decode_scene_file(bytes, Limits::default()).unwrap();
         let probes = file.metadata.probes.unwrap();
         let check = |memory, deadline| check_probes_within(&file.scene, &probes, ProbeLimits { memory, deadline });

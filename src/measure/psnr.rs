@@ -1,7 +1,7 @@
 //! Peak signal-to-noise ratio.
 
 use super::Error;
-use crate::psnr::psnr_of_mse;
+use strivec_format::psnr::psnr_of_mse;
 
 /// The mean squared difference over all pixels and channels, in f64.
 ///

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::Error;
-use crate::psnr::psnr_of_mse;
+use strivec_format::psnr::psnr_of_mse;
 
 /// The region of a pixel, judged by the photograph alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::{Error, SsimConvention, ssim};
-use crate::color_map::ColorFit;
-use crate::psnr::psnr_of_mse;
+use strivec_format::color_map::ColorFit;
+use strivec_format::psnr::psnr_of_mse;
 
 /// The weight of the identity in a color fit, in pixels: for pictures of few colors.
 const RIDGE: f64 = 1e-3;

@@ -3,11 +3,11 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
-use crate::geometry::{Camera, Contraction};
-use crate::model::Scene;
-use crate::render::gpu::Gpu;
+use strivec_field::render::gpu::Gpu;
+use strivec_format::geometry::{Camera, Contraction};
+use strivec_format::model::Scene;
 
-const SHADER: &str = include_str!("../../shaders/boxes.wgsl");
+const SHADER: &str = strivec_shaders::BOXES;
 /// Maximum number of scales that are drawn on a device.
 const SCALES: usize = 16;
 /// Line color of each scale, the coarsest first; repeated after the last.
@@ -219,7 +219,7 @@ mod tests {
 
     #[test]
     fn the_uniform_lies_as_the_shader_has_it() {
-        crate::render::gpu::testing::assert_same_layout!(
+        strivec_field::render::gpu::testing::assert_same_layout!(
             SHADER,
             "Boxes",
             Uniform,
@@ -246,7 +246,11 @@ mod tests {
             assert!((ndc.x - (x / 15.0 - 1.0)).abs() < 1e-9 && (ndc.y - (1.0 - y / 10.0)).abs() < 1e-9, "{ndc}");
         }
         let mut lines = 0;
-        let scene = crate::container::decode(include_bytes!("../../fixtures/v1/occupancy.strivec")).unwrap();
+        let scene = strivec_format::container::decode(include_bytes!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../fixtures/v1/occupancy.strivec"
+        )))
+        .unwrap();
         let away = Camera::looking_at([30, 20], 25.0, DVec3::new(9.0, 7.0, 8.0), scene.bounds.center(), DVec3::Z);
         each_line(&scene, &away, &[true, false], |ends, color| {
             lines += 1;
@@ -259,7 +263,11 @@ mod tests {
 
     #[test]
     fn boxes_of_a_contracted_scene_lie_where_their_content_is_seen() {
-        let mut scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
+        let mut scene = strivec_format::container::decode(include_bytes!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../fixtures/v1/f32.strivec"
+        )))
+        .unwrap();
         let contraction = Contraction { shell: 0.4 };
         (scene.bounds, scene.rules.contraction) = (contraction.bounds(), Some(contraction));
         let camera = Camera::looking_at([30, 20], 25.0, DVec3::new(0.2, 0.1, 0.3), DVec3::X, DVec3::Z);

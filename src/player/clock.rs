@@ -1,25 +1,25 @@
 //! A clock for measuring how long pictures take, on desktops and in browsers.
 
-#[cfg(all(feature = "web", target_arch = "wasm32"))]
+#[cfg(target_arch = "wasm32")]
 mod performance {
     use wasm_bindgen::prelude::wasm_bindgen;
 
     #[wasm_bindgen]
     extern "C" {
         #[wasm_bindgen(js_namespace = performance, js_name = now)]
-        pub(super) fn now() -> f64;
+        pub fn now() -> f64;
     }
 }
 
 /// Seconds since the page was opened: the standard library has no clock in browsers.
-#[cfg(all(feature = "web", target_arch = "wasm32"))]
-pub(crate) fn now() -> f64 {
+#[cfg(target_arch = "wasm32")]
+pub fn now() -> f64 {
     1e-3 * performance::now()
 }
 
 /// Seconds since the first call.
-#[cfg(not(all(feature = "web", target_arch = "wasm32")))]
-pub(crate) fn now() -> f64 {
+#[cfg(not(target_arch = "wasm32"))]
+pub fn now() -> f64 {
     static START: std::sync::LazyLock<std::time::Instant> = std::sync::LazyLock::new(std::time::Instant::now);
     START.elapsed().as_secs_f64()
 }

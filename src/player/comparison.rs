@@ -1,7 +1,7 @@
 //! Arrangement of two scenes in a window.
 
-use crate::geometry::Camera;
-use crate::model::Frame;
+use strivec_format::geometry::Camera;
+use strivec_format::model::Frame;
 
 /// Arrangement of two scenes in a window.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,9 +8,9 @@ use glam::{DMat3, DQuat, DVec3};
 use super::action::MAX_SAVED_VIEWS;
 use super::first_view::{FirstView, Stand, extent, first_view};
 use super::{Action, Gesture, Gestures, action_of};
-use crate::container::{Pose, TrainingCamera, Views};
-use crate::geometry::{Camera, Lens};
-use crate::model::Scene;
+use strivec_format::container::{Pose, TrainingCamera, Views};
+use strivec_format::geometry::{Camera, Lens};
+use strivec_format::model::Scene;
 
 /// Minimum angle between the line of sight and the vertical, in radians.
 const FROM_POLE: f64 = 0.02;
@@ -262,8 +262,8 @@ impl Controls {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Aabb;
-    use crate::player::first_view::overview;
+    use crate::first_view::overview;
+    use strivec_format::geometry::Aabb;
 
     fn controls() -> Controls {
         let bounds = Aabb::around(DVec3::new(1.0, 0.0, 0.0), DVec3::ONE);
@@ -398,7 +398,7 @@ mod tests {
     #[test]
     fn wild_input_leaves_a_finite_camera() {
         let mut controls = controls();
-        let random = crate::random::Random::new(1, "input");
+        let random = strivec_format::random::Random::new(1, "input");
         for n in 0..2000 {
             let by = |k: u64| 20.0 * random.uniform(8 * n + k) - 10.0;
             match random.below(8 * n, 6) {

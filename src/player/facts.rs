@@ -1,9 +1,9 @@
 //! Facts about a file, as text for the panel.
 
-use crate::container::{Contents, SceneFile};
-use crate::digits::grouped;
-use crate::escape::escaped;
-use crate::model::Coverage;
+use strivec_format::container::{Contents, SceneFile};
+use strivec_format::digits::grouped;
+use strivec_format::escape::escaped;
+use strivec_format::model::Coverage;
 
 /// A line of the panel.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -4,10 +4,10 @@ use std::f64::consts::FRAC_PI_2;
 
 use glam::{DQuat, DVec3};
 
-use crate::container::{Pose, TrainingCamera, Views};
-use crate::geometry::{Aabb, Camera};
-use crate::model::Scene;
-use crate::render::{Gaze, Turntable};
+use strivec_field::render::{Gaze, Turntable};
+use strivec_format::container::{Pose, TrainingCamera, Views};
+use strivec_format::geometry::{Aabb, Camera};
+use strivec_format::model::Scene;
 
 /// Vertical angle of view in radians if the file has none.
 const ANGLE_OF_VIEW: f64 = 0.7;
@@ -157,13 +157,17 @@ mod tests {
     }
 
     fn plain() -> Scene {
-        crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap()
+        strivec_format::container::decode(include_bytes!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../fixtures/v1/f32.strivec"
+        )))
+        .unwrap()
     }
 
     /// A contracted scene.
     fn unbounded() -> Scene {
         let mut scene = plain();
-        let contraction = crate::geometry::Contraction { shell: 0.4 };
+        let contraction = strivec_format::geometry::Contraction { shell: 0.4 };
         (scene.bounds, scene.rules.contraction) = (contraction.bounds(), Some(contraction));
         scene
     }

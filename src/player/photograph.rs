@@ -1,8 +1,8 @@
 //! The chosen training camera, and its photograph, which is blended with the picture.
 
 use super::Controls;
-use crate::container::TrainingCamera;
-use crate::geometry::Camera;
+use strivec_format::container::TrainingCamera;
+use strivec_format::geometry::Camera;
 
 /// The chosen training camera of a file, and the display of its photograph.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -66,8 +66,8 @@ mod tests {
     use glam::{DQuat, DVec3};
 
     use super::*;
-    use crate::container::{Limits, Pose, decode_scene_file};
-    use crate::geometry::Lens;
+    use strivec_format::container::{Limits, Pose, decode_scene_file};
+    use strivec_format::geometry::Lens;
 
     fn cameras() -> Vec<TrainingCamera> {
         let at = |x: f64| Pose { position: DVec3::new(x, 0.0, 3.0), rotation: DQuat::IDENTITY };
@@ -94,7 +94,7 @@ mod tests {
 
     #[test]
     fn a_photograph_fills_the_height_of_its_view() {
-        let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec");
+        let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/v1/everything.strivec");
         let scene_file = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
         let mut controls = Controls::new(&scene_file.scene, None, &[]);
         let mut photograph = Photograph { share: 0.5, is_loaded: true, ..Photograph::default() };

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::model::Scene;
-use crate::render::{Approximation, ParetoFront, RenderSettings};
+use strivec_field::render::{Approximation, ParetoFront, RenderSettings};
+use strivec_format::model::Scene;
 
 /// `approximation` without a decoder mode that `scene` lacks: two compared scenes share an approximation.
 pub fn adapted(scene: &Scene, approximation: &Approximation) -> Approximation {
@@ -22,12 +22,16 @@ pub fn named_choices(notes: &BTreeMap<String, String>) -> Vec<(String, RenderSet
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::DecoderMode;
-    use crate::render::{ParetoPoint, TRADE_NOTE};
+    use strivec_field::render::{ParetoPoint, TRADE_NOTE};
+    use strivec_format::model::DecoderMode;
 
     #[test]
     fn scenes_are_adapted_to_and_files_name_choices() {
-        let scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
+        let scene = strivec_format::container::decode(include_bytes!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../fixtures/v1/f32.strivec"
+        )))
+        .unwrap();
         let wild = Approximation { step_scale: 2.0, decoder: Some(DecoderMode::Residual), ..Approximation::default() };
         assert_eq!(adapted(&scene, &wild), wild);
         let mut narrow = scene.clone();

@@ -3,9 +3,9 @@
 use glam::DQuat;
 
 use super::Controls;
-use crate::container::Pose;
-use crate::geometry::{CameraPath, Keyframe, Similarity, Viewpoint};
-use crate::render::{KeyframesError, MAX_KEYFRAMES, read_keyframes, write_keyframes};
+use strivec_field::render::{KeyframesError, MAX_KEYFRAMES, read_keyframes, write_keyframes};
+use strivec_format::container::Pose;
+use strivec_format::geometry::{CameraPath, Keyframe, Similarity, Viewpoint};
 
 /// Seconds between the keyframes of a recorded path.
 const RECORDED_EVERY: f64 = 0.25;
@@ -94,11 +94,11 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::container::{Limits, decode_scene_file};
+    use strivec_format::container::{Limits, decode_scene_file};
 
     #[test]
     fn recorded_paths_are_played() {
-        let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/everything.strivec");
+        let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/v1/everything.strivec");
         let scene_file = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
         let map =
             Similarity { scale: 2.5, rotation: DQuat::from_rotation_z(0.7), translation: DVec3::new(1.0, -2.0, 3.0) };

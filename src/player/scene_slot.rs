@@ -2,11 +2,11 @@
 
 use super::first_view::extent;
 use super::{Fact, Step, clock, facts, named_choices, scale_count};
-use crate::container::{SceneFile, TrainingCamera};
-use crate::geometry::Camera;
-use crate::model::Scene;
-use crate::render::gpu::GpuError;
-use crate::render::{Approximation, RenderSettings, Turntable};
+use strivec_field::render::gpu::GpuError;
+use strivec_field::render::{Approximation, RenderSettings, Turntable};
+use strivec_format::container::{SceneFile, TrainingCamera};
+use strivec_format::geometry::Camera;
+use strivec_format::model::Scene;
 
 /// Draws one scene and keeps its last finished picture. Implemented by the desktop player and by the page.
 pub trait Painter: Sized {

@@ -4,12 +4,12 @@ use bytemuck::{Pod, Zeroable};
 use glam::{Vec2, Vec2Swizzles as _, Vec3};
 
 use super::first_view::extent;
-use crate::geometry::Camera;
-use crate::model::Scene;
-use crate::render::TraceInfo;
-use crate::render::gpu::{Gpu, GpuRenderer};
+use strivec_field::render::TraceInfo;
+use strivec_field::render::gpu::{Gpu, GpuRenderer};
+use strivec_format::geometry::Camera;
+use strivec_format::model::Scene;
 
-const SHADER: &str = include_str!("../../shaders/display.wgsl");
+const SHADER: &str = strivec_shaders::DISPLAY;
 /// Bytes of a pixel of the renderer.
 const PIXEL_BYTES: u64 = 32;
 
@@ -333,7 +333,7 @@ fn pipeline(device: &wgpu::Device, format: wgpu::TextureFormat) -> wgpu::RenderP
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::gpu::testing::assert_same_layout;
+    use strivec_field::render::gpu::testing::assert_same_layout;
 
     #[test]
     fn the_uniform_lies_as_the_shader_has_it() {
@@ -374,11 +374,15 @@ mod tests {
 
     #[test]
     fn near_depths_of_an_unbounded_scene_differ_however_far_it_reaches() {
-        let scene = crate::container::decode(include_bytes!("../../fixtures/v1/f32.strivec")).unwrap();
+        let scene = strivec_format::container::decode(include_bytes!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../fixtures/v1/f32.strivec"
+        )))
+        .unwrap();
         let plain = Show::new(&scene, None, View::Depth, None);
         assert!((plain.nearness(plain.depths[0]) - 1.0).abs() < 1e-6 && plain.nearness(plain.depths[1]) < 1e-6);
-        let contraction = crate::geometry::Contraction { shell: 0.4 };
-        let rules = crate::model::Rules { contraction: Some(contraction), ..scene.rules.clone() };
+        let contraction = strivec_format::geometry::Contraction { shell: 0.4 };
+        let rules = strivec_format::model::Rules { contraction: Some(contraction), ..scene.rules.clone() };
         let unbounded = Scene { bounds: contraction.bounds(), rules, ..scene };
         let show = Show::new(&unbounded, None, View::Depth, None);
         let shown = [0.5, 1.0, 2.0, 4.0, 1e3].map(|depth| show.nearness(depth));

@@ -4,9 +4,9 @@ use super::{
     Action, Comparison, Controls, Pace, Painter, Photograph, Place, Recorder, SceneSlot, Show, Step, View, action_of,
     clock, named_choices,
 };
-use crate::geometry::Camera;
-use crate::render::gpu::GpuError;
-use crate::render::{Approximation, RenderSettings};
+use strivec_field::render::gpu::GpuError;
+use strivec_field::render::{Approximation, RenderSettings};
+use strivec_format::geometry::Camera;
 
 /// Scenes, camera, settings and drawing, shared by the desktop player and the page. Slot 0 is the scene,
 /// slot 1 the scene that it is compared with.

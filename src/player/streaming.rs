@@ -6,7 +6,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use crate::container::{Contents, Error, Limits, Part, Reader, SceneFile, Section, SectionKind, Source};
+use strivec_format::container::{Contents, Error, Limits, Part, Reader, SceneFile, Section, SectionKind, Source};
 
 /// Ranges with gaps of at most this many bytes are loaded as one, as the reader does.
 const NEAR: u64 = 64 << 10;
@@ -239,10 +239,10 @@ impl Source for &Sparse {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::container::decode_scene_file;
+    use strivec_format::container::decode_scene_file;
 
     fn fixture(name: &str) -> Vec<u8> {
-        std::fs::read(format!("{}/fixtures/v1/{name}.strivec", env!("CARGO_MANIFEST_DIR"))).unwrap()
+        std::fs::read(format!("{}/../../fixtures/v1/{name}.strivec", env!("CARGO_MANIFEST_DIR"))).unwrap()
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Adam (Kingma and Ba, 2015), with the option to leave entries alone whose gradient is zero.
 
-use crate::field::{HeldComponents, Real};
+use strivec_field::{HeldComponents, Real};
 
 /// β₁, β₂ and ε.
 /// The paper keeps 0.9 and 0.99; shorter memories gain 0.2 dB for no time (docs/experiments/2026-11-26-adam.md).

@@ -5,10 +5,10 @@ use rayon::prelude::*;
 use super::NetworkLayout;
 use super::chunk::{BatchRoulette, Chunk, LossTerms, RAYS_PER_CHUNK, Scratch, Target};
 use super::factors::{BlockGeometry, TensorGradient};
-use crate::color_map::ColorMap;
-use crate::field::{Field, FieldFactors, Pool, Real, Roulette, Work, vectorized};
-use crate::geometry::Ray;
-use crate::random::Random;
+use strivec_field::{Field, FieldFactors, Pool, Real, Roulette, Work, vectorized};
+use strivec_format::color_map::ColorMap;
+use strivec_format::geometry::Ray;
+use strivec_format::random::Random;
 
 /// Loss and gradients of batches of rays. Keeps its buffers from batch to batch.
 #[derive(Debug)]

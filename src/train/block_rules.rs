@@ -3,8 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::field::FieldFactors;
-use crate::model::Form;
+use strivec_field::FieldFactors;
+use strivec_format::model::Form;
 
 /// The rules of the optimizer for the factors of a block.
 #[derive(Clone, Debug)]
@@ -100,8 +100,8 @@ impl BlockRules {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Field;
-    use crate::model::Block;
+    use strivec_field::Field;
+    use strivec_format::model::Block;
 
     /// The loss whose gradients the rules add, of a block of one tensor.
     fn loss(block: &Block, resolution: [u32; 3], size: f64, variation: f64) -> f64 {
@@ -129,10 +129,14 @@ mod tests {
 
     #[test]
     fn gradients_are_those_of_size_and_variation() {
-        let mut scene = crate::container::decode(include_bytes!("../../fixtures/v1/smallest.strivec")).unwrap();
+        let mut scene = strivec_format::container::decode(include_bytes!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../fixtures/v1/smallest.strivec"
+        )))
+        .unwrap();
         let resolution = [2, 3, 4];
         let form = Form::Vm(1);
-        let numbers = crate::random::Random::new(3, "block rules");
+        let numbers = strivec_format::random::Random::new(3, "block rules");
         // Not near 0, where the size has a kink.
         let number = |n| 0.1 + numbers.uniform(n);
         let values = (0..form.rows(resolution) as u64 * 2).map(|n| [1.0, -1.0][n as usize % 2] * number(n) as f32);

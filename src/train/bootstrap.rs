@@ -4,7 +4,7 @@
 //! In: posed photographs. Out: the occupied voxels. 2×2×2 tensors of eight components each cover the box of all frusta
 //! and are trained as any scene is. They start empty (with the shift of −10, a feature of about 0 has no density), and
 //! density grows where rays need it. The box of the occupied voxels bounds the next round. It takes longer than
-//! [`crate::prior::coarse`] and finds less detail, but needs no other method's reconstruction.
+//! [`strivec_capture::prior::coarse`] and finds less detail, but needs no other method's reconstruction.
 
 use std::ops::ControlFlow;
 
@@ -16,12 +16,13 @@ use super::{
     BootstrapOptions, DecoderConfig, Exposure, FinishConfig, LeanConfig, PrepareError, ScaleConfig, TrainConfig,
     Trainer, initial_scene,
 };
-use crate::dataset::{Dataset, View};
-use crate::field::{Field, Samples, vectorized};
-use crate::geometry::{Aabb, Lattice, Ray, Similarity, cell_at, index_of};
-use crate::model::{DecoderMode, FactorKind, Placement, Scene, TensorCloud};
-use crate::prior::{self, CoarseProgress, VoxelBoxes};
-use crate::psnr::RunningMse;
+use strivec_capture::dataset::{Dataset, View};
+use strivec_capture::prior;
+use strivec_capture::prior::{CoarseProgress, VoxelBoxes};
+use strivec_field::{Field, Samples, vectorized};
+use strivec_format::geometry::{Aabb, Lattice, Ray, Similarity, cell_at, index_of};
+use strivec_format::model::{DecoderMode, FactorKind, Placement, Scene, TensorCloud};
+use strivec_format::psnr::RunningMse;
 
 /// Share of its cells, rounded up, by which a tensor reaches past each of its faces into its neighbors. Without it, the
 /// planes between tensors, in the middle of the scene, show in pictures.

@@ -11,8 +11,8 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use super::lean::Worth;
 use super::ray_errors::RayErrors;
 use super::{CheckpointError, Exposures, Moments, NetworkLayout, RaySampler, Rounding, TrainConfig};
-use crate::field::{Field, FieldScale, Real};
-use crate::geometry::Camera;
+use strivec_field::{Field, FieldScale, Real};
+use strivec_format::geometry::Camera;
 
 /// The metadata of the numbers of [`Rounding`].
 const ROUNDING: [&str; 4] = ["bit", "first_bit", "file_bytes_goal", "file_bytes_at_start"];

@@ -11,10 +11,10 @@
 
 use super::NetworkLayout;
 use super::pairs::TensorPairs;
-use crate::color_map::ColorMap;
-use crate::field::{Activations, Field, MAX_LANES, Matrix, MatrixMut, Real, Roulette, Samples, Stage, Work, multiply};
-use crate::geometry::Ray;
-use crate::model::{DecoderMode, Reduction};
+use strivec_field::{Activations, Field, MAX_LANES, Matrix, MatrixMut, Real, Roulette, Samples, Stage, Work, multiply};
+use strivec_format::color_map::ColorMap;
+use strivec_format::geometry::Ray;
+use strivec_format::model::{DecoderMode, Reduction};
 
 /// The share of a known distance by which visible samples may be nearer or farther. A loss on what is seen farther
 /// off gains 2 dB on photographs that were held out (docs/experiments/2026-11-25-regularizing.md).

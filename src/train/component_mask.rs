@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::field::{Field, FieldFactors, Holding};
-use crate::model::{Block, Scene};
+use strivec_field::{Field, FieldFactors, Holding};
+use strivec_format::model::{Block, Scene};
 
 /// The components of a scene to write zeros over.
 #[derive(Clone, Debug)]
@@ -15,7 +15,7 @@ pub(super) struct ComponentMask {
 impl ComponentMask {
     /// A mask of no component.
     pub(super) fn none(scene: &Scene) -> Self {
-        let none = |s: &crate::model::Scale| {
+        let none = |s: &strivec_format::model::Scale| {
             s.factors.blocks().map(|block| vec![false; s.cloud.len() * block.rank as usize]).collect()
         };
         Self { scales: scene.scales.iter().map(none).collect() }

@@ -5,7 +5,7 @@ use std::fmt::{self, Display};
 use rayon::prelude::*;
 
 use super::{Target, TrainConfig, network_parts};
-use crate::field::{Field, FieldScale};
+use strivec_field::{Field, FieldScale};
 
 /// The largest magnitude of a parameter. A step of Adam moves a parameter by no more than the learning rate: at the
 /// presets' rate this takes 50 000 steps in one direction. Products of three such factors are far beyond any density.

@@ -8,8 +8,8 @@ use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::Target;
-use crate::color_map::{ColorFit, ColorMap};
-use crate::psnr::psnr_of_mse;
+use strivec_format::color_map::{ColorFit, ColorMap};
+use strivec_format::psnr::psnr_of_mse;
 
 /// The photographs whose colors are mapped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -151,7 +151,7 @@ impl Exposures {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::Random;
+    use strivec_format::random::Random;
 
     /// The colors of a step of 256 rays, and the targets that four photographs make of them, darker and brighter by
     /// `spread`.

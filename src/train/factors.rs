@@ -6,8 +6,8 @@ use aligned_vec::{AVec, CACHELINE_ALIGN};
 use pulp::{Arch, Simd, WithSimd};
 
 use super::chunk::{Chunk, ShadedGradient};
-use crate::field::{Field, FieldFactors, FieldScale, Interpolation, Real, Stage, StageClock, TensorVertices, offset};
-use crate::model::Form;
+use strivec_field::{Field, FieldFactors, FieldScale, Interpolation, Real, Stage, StageClock, TensorVertices, offset};
+use strivec_format::model::Form;
 
 /// Position of a block's components in the row of a shaded sample.
 #[derive(Clone, Copy, Debug)]

@@ -4,9 +4,9 @@ use super::network_rounding::UnroundedNetworks;
 use super::rounding::Unrounded;
 use super::shrink::tuned;
 use super::{Checkpoint, Rounding, Trainer};
-use crate::container::NetworkSteps;
-use crate::field::FieldScale;
-use crate::model::Scene;
+use strivec_field::FieldScale;
+use strivec_format::container::NetworkSteps;
+use strivec_format::model::Scene;
 
 /// The share of the steps at the end over which learning rates fall to 0.
 const COOLDOWN: f64 = 0.5;

@@ -2,9 +2,9 @@
 
 use super::lean::{self, Kept, Ranking, Worth};
 use super::{Checkpoint, RayBatch, Trainer, march_step, upsample};
-use crate::field::{Field, FieldFactors};
-use crate::model::Scene;
-use crate::random::Random;
+use strivec_field::{Field, FieldFactors};
+use strivec_format::model::Scene;
+use strivec_format::random::Random;
 
 /// The share of what may still be lost that a round may cost at once.
 const ALLOWED_SHARE: f64 = 0.5;

@@ -1,11 +1,11 @@
 //! The scene that training starts from.
 
 use super::{ConfigError, TrainConfig};
-use crate::geometry::Aabb;
-use crate::model::{
+use strivec_format::geometry::Aabb;
+use strivec_format::model::{
     AppearanceMatrix, Coverage, Decoder, Factors, Frame, Linear, Provenance, Rules, Scale, Scene, TensorCloud,
 };
-use crate::random::Random;
+use strivec_format::random::Random;
 
 /// δ for a cloud at its current resolution: this many of its cells, averaged over the axes (spec 4.8).
 pub fn march_step(cloud: &TensorCloud, cells: f64) -> f64 {

@@ -6,13 +6,13 @@
 //! measures the mean squared derivative of the color.
 //!
 //! Density components are given up wherever they are. Appearance components have an order in which all tensors of the
-//! scale give them up, so that a tensor always holds the first ones ([`crate::field::FieldFactors`]).
+//! scale give them up, so that a tensor always holds the first ones ([`strivec_field::FieldFactors`]).
 //!
 //! In some rounds a scale gives up cells instead, if that costs less than as many parameters in components. What it costs
 //! is measured on rays, because it moves all factors at once.
 
 use super::config::LeanConfig;
-use crate::field::{Field, FieldFactors, FieldScale, HeldComponents, Real};
+use strivec_field::{Field, FieldFactors, FieldScale, HeldComponents, Real};
 
 /// dB of PSNR that a relative rise of the mean squared error costs.
 const DECIBELS: f64 = 10.0 / std::f64::consts::LN_10;

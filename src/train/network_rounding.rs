@@ -2,8 +2,8 @@
 //! optimizer moves the unrounded ones.
 
 use super::networks::decoder_parts;
-use crate::container::{NetworkSteps, step, step_code};
-use crate::field::{Field, FieldDecoder};
+use strivec_field::{Field, FieldDecoder};
+use strivec_format::container::{NetworkSteps, step, step_code};
 
 /// Bits of the numbers of matrices and decoder in a file.
 /// The bytes of finer weights are missing elsewhere in a small file
@@ -87,10 +87,11 @@ impl UnroundedNetworks {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::container::{ArrayOptions, EncodeOptions, Encoding, decode, encode};
-    use crate::train::networks::put_decoder;
+    use crate::networks::put_decoder;
+    use strivec_format::container::{ArrayOptions, EncodeOptions, Encoding, decode, encode};
 
-    const TWO_SCALES: &[u8] = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/residual.strivec"));
+    const TWO_SCALES: &[u8] =
+        include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/v1/residual.strivec"));
 
     /// The weights of `field` in the order of the flat vector.
     fn weights(field: &mut Field<f32>) -> Vec<f32> {

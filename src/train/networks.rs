@@ -1,8 +1,8 @@
 //! The shared weights as one flat vector: appearance matrices, each layer's weights and bias, the sky's coefficients.
 //! Gradients and optimizer state have the same layout.
 
-use crate::field::{Field, FieldDecoder, Real};
-use crate::model::Scene;
+use strivec_field::{Field, FieldDecoder, Real};
+use strivec_format::model::Scene;
 
 /// Layout of the flat vector.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -3,8 +3,8 @@
 use glam::{DVec3, UVec3};
 use rayon::prelude::*;
 
-use crate::field::{Field, Real, Samples, vectorized};
-use crate::model::Occupancy;
+use strivec_field::{Field, Real, Samples, vectorized};
+use strivec_format::model::Occupancy;
 
 /// The least opacity of one step, without the distance scale, at which a vertex is dense.
 const MIN_ALPHA: f64 = 1e-4;
@@ -140,8 +140,8 @@ fn spread_in_layer(layer: &[bool], width: usize, height: usize) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::Aabb;
-    use crate::random::Random;
+    use strivec_format::geometry::Aabb;
+    use strivec_format::random::Random;
 
     /// The occupancy of `cells`, and the number of other cells that it has.
     fn cover(vertices: UVec3, is_dense: impl Fn(UVec3) -> bool) -> (Occupancy, usize) {

@@ -1,6 +1,6 @@
 //! A chunk's (tensor, sample) pairs in the order of tensors, with the inputs of the gradients of the tensors' factors.
 
-use crate::field::{Real, Samples};
+use strivec_field::{Real, Samples};
 
 /// A sample that a tensor takes part in.
 #[derive(Clone, Copy, Debug, Default)]

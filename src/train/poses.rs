@@ -12,10 +12,10 @@ use glam::{DMat3, DVec3};
 use super::RaySampler;
 use super::chunk::Target;
 use super::rays::colors;
-use crate::color_map::ColorMap;
-use crate::field::Field;
-use crate::geometry::{Camera, Ray};
-use crate::random::Random;
+use strivec_field::Field;
+use strivec_format::color_map::ColorMap;
+use strivec_format::geometry::{Camera, Ray};
+use strivec_format::random::Random;
 
 /// Rounds of refinement, spread over the steps; training ends with some shares of its steps without any.
 const ROUNDS: u64 = 16;

@@ -7,11 +7,12 @@ use glam::IVec3;
 use rayon::prelude::*;
 
 use super::{ConfigError, ScaleConfig, TrainConfig, TrainError, initial_scene};
-use crate::dataset::{Dataset, View};
-use crate::field::{Field, vectorized};
-use crate::geometry::{Ray, Similarity};
-use crate::model::{BrokenInvariant, ColorSpace, Frame, Scene, UpAxis};
-use crate::prior::{self, CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
+use strivec_capture::dataset::{Dataset, View};
+use strivec_capture::prior;
+use strivec_capture::prior::{CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
+use strivec_field::{Field, vectorized};
+use strivec_format::geometry::{Ray, Similarity};
+use strivec_format::model::{BrokenInvariant, ColorSpace, Frame, Scene, UpAxis};
 
 /// Pixels among which the share of covered ones is counted, about.
 const COVERAGE_PIXELS: f64 = 2e6;

@@ -1,7 +1,7 @@
 //! Pruning of tensors whose boxes are empty (paper, appendix "Ablation Studies on Initial Geometry").
 
-use crate::geometry::Aabb;
-use crate::model::{Occupancy, Scale, Scene};
+use strivec_format::geometry::Aabb;
+use strivec_format::model::{Occupancy, Scale, Scene};
 
 /// Boxes are enlarged by this many cells of the occupancy on each side. It is far more than the rounding of positions
 /// in f32, by which a sample a little outside a box may be covered.

@@ -5,7 +5,7 @@
 use rayon::prelude::*;
 
 use super::RaySampler;
-use crate::random::Random;
+use strivec_format::random::Random;
 
 /// The share of the probability that does not depend on the error. It bounds the weight of a ray, which is one over
 /// its probability.

@@ -5,11 +5,11 @@ use rayon::prelude::*;
 use super::pixel_blocks::Blocks;
 use super::pixel_set::PixelSet;
 use super::{Target, TrainConfig, TrainError};
-use crate::dataset::View;
-use crate::field::{Field, Real, vectorized};
-use crate::geometry::{Camera, Ray};
-use crate::model::Frame;
-use crate::random::Random;
+use strivec_capture::dataset::View;
+use strivec_field::{Field, Real, vectorized};
+use strivec_format::geometry::{Camera, Ray};
+use strivec_format::model::Frame;
+use strivec_format::random::Random;
 
 /// Draws rays of photographs, in the model's space. A ray is active if it is trained on.
 #[derive(Debug)]

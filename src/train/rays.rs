@@ -6,10 +6,10 @@ use rayon::prelude::*;
 use super::chunk::RAYS_PER_CHUNK;
 use super::ray_errors::DrawnPixel;
 use super::{RaySampler, Target};
-use crate::field::{Activations, Field, Samples, vectorized};
-use crate::geometry::{Ray, morton};
-use crate::psnr::psnr_of_mse;
-use crate::random::Random;
+use strivec_field::{Activations, Field, Samples, vectorized};
+use strivec_format::geometry::{Ray, morton};
+use strivec_format::psnr::psnr_of_mse;
+use strivec_format::random::Random;
 
 /// Bits per axis of the order of rays in space.
 const ORDER_BITS: u32 = 10;

@@ -9,8 +9,8 @@
 
 use std::ops::Range;
 
-use crate::container::step;
-use crate::field::{Field, FieldFactors, FieldScale, HeldComponents};
+use strivec_field::{Field, FieldFactors, FieldScale, HeldComponents};
+use strivec_format::container::step;
 
 /// An integer that differs from its prediction by e takes log₂(1 + `GROWTH`·e²)/2 bits more than one that does not.
 /// The coder's own tables in place of this formula gain nothing (docs/experiments/2026-11-27-noise-and-tables.md).
@@ -25,7 +25,7 @@ const LARGEST: f32 = i16::MAX as f32;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rounding {
     /// \[scale\]\[block\]\[held component, over all tensors\] the code of its step
-    /// ([`crate::container::step`]); 0 if the component is zero.
+    /// ([`strivec_format::container::step`]); 0 if the component is zero.
     pub(super) codes: Vec<Vec<Vec<u8>>>,
     /// The loss of a bit, in mean squared error.
     pub bit: f64,

@@ -7,10 +7,10 @@ use super::{
     FinishConfig, TrainError, Trainer, estimate_occupancy, march_step, poses, prune_unoccupied, tight_occupancy,
     upsample,
 };
-use crate::field::Field;
-use crate::geometry::Aabb;
-use crate::model::Occupancy;
-use crate::random::Random;
+use strivec_field::Field;
+use strivec_format::geometry::Aabb;
+use strivec_format::model::Occupancy;
+use strivec_format::random::Random;
 
 impl Trainer<'_> {
     /// Components, occupancy, bounds and resolution (paper, Implementation).

@@ -16,11 +16,11 @@ use super::{
     BatchRoulette, Checkpoint, DeadComponents, RayBatch, RaySampler, TrainConfig, TrainError, network_parts,
     prune_dead_components,
 };
-use crate::dataset::View;
-use crate::field::{Field, FieldDecoder, FieldFactors, Pool, Roulette, Stage, StageClock, Work, vectorized};
-use crate::geometry::{Camera, Ray};
-use crate::model::Scene;
-use crate::random::Random;
+use strivec_capture::dataset::View;
+use strivec_field::{Field, FieldDecoder, FieldFactors, Pool, Roulette, Stage, StageClock, Work, vectorized};
+use strivec_format::geometry::{Camera, Ray};
+use strivec_format::model::Scene;
+use strivec_format::random::Random;
 
 /// A run in progress.
 #[derive(Debug)]

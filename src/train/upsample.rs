@@ -1,6 +1,6 @@
 //! Upsampling of factors to a finer resolution.
 
-use crate::model::Form;
+use strivec_format::model::Form;
 
 /// Resamples every tensor's factors, of `rank` components of a `form`, from resolution `from` to `to`, linearly, the ends
 /// aligned (paper, Implementation).

@@ -5,12 +5,12 @@ use serde_json::{Value, json};
 
 use super::canvas::Canvas;
 use super::painter::{Device, Lent, PagePainter};
-use crate::color::byte;
-use crate::container::Pose;
-use crate::geometry::{Camera, PoseError, Viewpoint};
-use crate::player::{Comparison, Drag, Fact, Place, SceneSlot, Session, View};
-use crate::render::Pixel;
-use crate::render::gpu::GpuError;
+use strivec_field::render::Pixel;
+use strivec_field::render::gpu::GpuError;
+use strivec_format::color::byte;
+use strivec_format::container::Pose;
+use strivec_format::geometry::{Camera, PoseError, Viewpoint};
+use strivec_player::{Comparison, Drag, Fact, Place, SceneSlot, Session, View};
 
 /// Seconds that a picture may take while the camera moves, at first.
 const FRAME_TIME: f64 = 0.033;

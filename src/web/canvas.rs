@@ -5,7 +5,7 @@ use std::task::{Poll, Waker};
 
 use web_sys::HtmlCanvasElement;
 
-use crate::render::gpu::{Gpu, GpuError};
+use strivec_field::render::gpu::{Gpu, GpuError};
 
 /// Gray level behind the pictures.
 const DARK: f64 = 0.06;

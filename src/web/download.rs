@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use wasm_bindgen::prelude::{JsError, wasm_bindgen};
 
-use crate::player::{Step, Stream};
+use strivec_player::{Step, Stream};
 
 /// A file that a page loads in pieces, the coarse scale first. Load the `wanted` ranges and `add` them until none is
 /// wanted, call the player's `take`, and repeat until it returns true.
@@ -59,7 +59,7 @@ impl Download {
 
 impl Download {
     /// The next scene, if one can be shown, and whether it was the last step.
-    pub(super) fn step(&mut self) -> Result<(Option<Step>, bool), crate::container::Error> {
+    pub(super) fn step(&mut self) -> Result<(Option<Step>, bool), strivec_format::container::Error> {
         let step = self.stream.step()?;
         Ok((step, self.stream.is_done()))
     }

@@ -2,11 +2,11 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::geometry::Camera;
-use crate::model::Scene;
-use crate::player::{BoxLines, Painter, Screen, adapted};
-use crate::render::Approximation;
-use crate::render::gpu::{Drawing, Gpu, GpuError, GpuRenderer, Precision};
+use strivec_field::render::Approximation;
+use strivec_field::render::gpu::{Drawing, Gpu, GpuError, GpuRenderer, Precision};
+use strivec_format::geometry::Camera;
+use strivec_format::model::Scene;
+use strivec_player::{BoxLines, Painter, Screen, adapted};
 
 /// The device, and the format of the canvas.
 #[derive(Debug)]

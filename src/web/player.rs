@@ -10,11 +10,11 @@ use web_sys::HtmlCanvasElement;
 use super::app::{App, rgba};
 use super::canvas::Canvas;
 use super::download::Download;
-use crate::container::{Limits, decode_scene_file, sections};
-use crate::geometry::Camera;
-use crate::player::{Action, Comparison, Drag, Step, View, scale_count};
-use crate::render::gpu::{Gpu, GpuError, GpuRenderer, Precision};
-use crate::render::{Approximation, RenderSettings};
+use strivec_field::render::gpu::{Gpu, GpuError, GpuRenderer, Precision};
+use strivec_field::render::{Approximation, RenderSettings};
+use strivec_format::container::{Limits, decode_scene_file, sections};
+use strivec_format::geometry::Camera;
+use strivec_player::{Action, Comparison, Drag, Step, View, scale_count};
 
 /// A canvas that shows one scene or two. Place 0 is the scene, place 1 the one that it is compared with.
 ///

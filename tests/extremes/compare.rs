@@ -1,26 +1,21 @@
 //! Every renderer against the reference, separately for rays above and below the decision margin.
 
-#[cfg(feature = "gpu")]
 use std::sync::LazyLock;
 
 use glam::DVec3;
-use strivec::field::Field;
-use strivec::geometry::{MAX_SPACING, Ray};
-use strivec::model::Scene;
-#[cfg(feature = "gpu")]
-use strivec::render::Approximation;
-#[cfg(feature = "gpu")]
-use strivec::render::gpu::{Gpu, GpuRenderer, Precision};
-use strivec::render::{CpuRenderer, Pixel, ReferenceRenderer, Renderer, Trace};
+use strivec_field::Field;
+use strivec_field::render::Approximation;
+use strivec_field::render::gpu::{Gpu, GpuRenderer, Precision};
+use strivec_field::render::{CpuRenderer, Pixel, ReferenceRenderer, Renderer, Trace};
+use strivec_format::geometry::{MAX_SPACING, Ray};
+use strivec_format::model::Scene;
 
 /// A renderer and its precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Way {
     CpuF64,
     CpuF32,
-    #[cfg(feature = "gpu")]
     GpuF32,
-    #[cfg(feature = "gpu")]
     GpuF16,
 }
 
@@ -28,9 +23,7 @@ impl Way {
     pub(crate) const ALL: &[Self] = &[
         Self::CpuF64,
         Self::CpuF32,
-        #[cfg(feature = "gpu")]
         Self::GpuF32,
-        #[cfg(feature = "gpu")]
         Self::GpuF16,
     ];
 
@@ -50,9 +43,7 @@ impl Way {
         match self {
             Self::CpuF64 => 1e-7,
             Self::CpuF32 => 2e-4,
-            #[cfg(feature = "gpu")]
             Self::GpuF32 => 1e-3,
-            #[cfg(feature = "gpu")]
             Self::GpuF16 => 1e-2,
         }
     }
@@ -62,15 +53,12 @@ impl Way {
         match self {
             Self::CpuF64 => CpuRenderer::from_field(Field::<f64>::new(scene)).trace(rays),
             Self::CpuF32 => CpuRenderer::new(scene).trace(rays),
-            #[cfg(feature = "gpu")]
             Self::GpuF32 => on_device(scene, rays, Precision::F32),
-            #[cfg(feature = "gpu")]
             Self::GpuF16 => on_device(scene, rays, Precision::F16),
         }
     }
 }
 
-#[cfg(feature = "gpu")]
 fn on_device(scene: &Scene, rays: &[Ray], precision: Precision) -> Vec<Pixel> {
     // Never dropped: the driver may be unloaded before the device of a thread is dropped.
     static GPU: LazyLock<Gpu> =

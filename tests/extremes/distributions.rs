@@ -2,8 +2,8 @@
 //! random tensors. `cargo test --release --features player --test extremes distributions -- --nocapture` prints them.
 
 use glam::DVec3;
-use strivec::geometry::Ray;
-use strivec::model::DecoderMode;
+use strivec_format::geometry::Ray;
+use strivec_format::model::DecoderMode;
 
 use super::compare::{Errors, Way, errors, expected};
 use crate::scenes;

@@ -4,8 +4,8 @@
 //! differences come from the field's arithmetic alone.
 
 use glam::DVec3;
-use strivec::geometry::{Aabb, Ray};
-use strivec::model::{DecoderMode, FactorKind, ReferenceField, Scene};
+use strivec_format::geometry::{Aabb, Ray};
+use strivec_format::model::{DecoderMode, FactorKind, ReferenceField, Scene};
 
 use super::compare::{Way, expected};
 use super::made::{KINDS, Made, random};

@@ -1,12 +1,12 @@
 //! Scenes with chosen parameters: one scale, explicit centers, a small decoder.
 
 use glam::DVec3;
-use strivec::geometry::{Aabb, Similarity};
-use strivec::model::{
+use strivec_format::geometry::{Aabb, Similarity};
+use strivec_format::model::{
     Aggregation, AppearanceMatrix, Block, ColorSpace, Coverage, Decoder, DecoderMode, FactorKind, Factors, Form, Frame,
     Linear, Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis,
 };
-use strivec::random::Random;
+use strivec_format::random::Random;
 
 /// Appearance features of a scene.
 const FEATURES: u32 = 4;

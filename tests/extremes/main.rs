@@ -1,6 +1,5 @@
 //! The extremes that `docs/numerics.md` states bounds for: every renderer against the f64 reference, with numbers at
 //! their limits. With feature `gpu` a graphics adapter is needed; the tests fail without one, they never skip silently.
-#![cfg(feature = "toolkit")]
 
 #[path = "../scenes/mod.rs"]
 mod scenes;

@@ -2,11 +2,11 @@
 
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
-use strivec::container::{EncodeOptions, Encoding, decode, encode};
-use strivec::dataset::{LoadOptions, load_transforms_cameras};
-use strivec::geometry::{Camera, Ray, Similarity};
-use strivec::model::{DecoderMode, Placement, Scene};
-use strivec::render::{CpuRenderer, ReferenceRenderer, Renderer};
+use strivec_capture::dataset::{LoadOptions, load_transforms_cameras};
+use strivec_field::render::{CpuRenderer, ReferenceRenderer, Renderer};
+use strivec_format::container::{EncodeOptions, Encoding, decode, encode};
+use strivec_format::geometry::{Camera, Ray, Similarity};
+use strivec_format::model::{DecoderMode, Placement, Scene};
 
 use super::compare::{Way, rays_through};
 use super::made::{Made, moved, random};

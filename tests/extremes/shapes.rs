@@ -1,7 +1,7 @@
 //! Scenes of extreme scale, position, shape and size.
 
 use glam::DVec3;
-use strivec::model::{DecoderMode, FactorKind, Scene};
+use strivec_format::model::{DecoderMode, FactorKind, Scene};
 
 use super::compare::{Way, rays_through, within};
 use super::made::{KINDS, Made, lattice, moved, random};

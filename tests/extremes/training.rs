@@ -4,13 +4,13 @@
 use std::ops::ControlFlow;
 
 use glam::DVec3;
-use strivec::dataset::{Dataset, Pixels, View};
-use strivec::field::Field;
-use strivec::model::{DecoderMode, Scene};
-use strivec::prior::VoxelBoxes;
-use strivec::psnr::psnr_of_mse;
-use strivec::render::{CpuRenderer, Renderer};
-use strivec::train::{
+use strivec_capture::dataset::{Dataset, Pixels, View};
+use strivec_capture::prior::VoxelBoxes;
+use strivec_field::Field;
+use strivec_field::render::{CpuRenderer, Renderer};
+use strivec_format::model::{DecoderMode, Scene};
+use strivec_format::psnr::psnr_of_mse;
+use strivec_train::{
     Backward, BatchRoulette, Target, TrainConfig, TrainError, Trainer, place_scene, reconstruct_prior,
 };
 

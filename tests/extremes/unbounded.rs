@@ -2,8 +2,8 @@
 //! along faces.
 
 use glam::{DVec3, UVec3};
-use strivec::geometry::{Aabb, Contraction, Ray};
-use strivec::model::{DecoderMode, Occupancy, Scene};
+use strivec_format::geometry::{Aabb, Contraction, Ray};
+use strivec_format::model::{DecoderMode, Occupancy, Scene};
 
 use super::compare::{Way, errors, expected, within};
 use super::made::{Made, lattice, random};

@@ -1,9 +1,9 @@
 //! Extreme values: density features, optical depths, transmittance, rays, factors, the decoder.
 
 use glam::{DVec3, UVec3};
-use strivec::container::{EncodeOptions, Encoding, Error, decode, encode};
-use strivec::geometry::Ray;
-use strivec::model::{DecoderMode, FactorKind, Occupancy, Scene, Sky};
+use strivec_format::container::{EncodeOptions, Encoding, Error, decode, encode};
+use strivec_format::geometry::Ray;
+use strivec_format::model::{DecoderMode, FactorKind, Occupancy, Scene, Sky};
 
 use super::compare::{Way, errors, expected, rays_through, within};
 use super::made::{KINDS, Made, random};

@@ -2,14 +2,14 @@
 #![allow(dead_code, reason = "each test uses a part")]
 
 use glam::{DQuat, DVec3, UVec3};
-use strivec::container::{Pose, TrainingCamera};
-use strivec::geometry::{Aabb, Camera, Contraction, Distortion, Lattice, Lens, Projection, Similarity};
-use strivec::model::{
+use strivec_format::container::{Pose, TrainingCamera};
+use strivec_format::geometry::{Aabb, Camera, Contraction, Distortion, Lattice, Lens, Projection, Similarity};
+use strivec_format::model::{
     Aggregation, ColorSpace, Coverage, DecoderMode, FactorKind, Frame, Occupancy, Placement, Reduction, Scene, Sky,
     TensorCloud, UpAxis,
 };
-use strivec::random::Random;
-use strivec::train::{DecoderConfig, FieldConfig, FinishConfig, LeanConfig, ScaleConfig, TrainConfig, initial_scene};
+use strivec_format::random::Random;
+use strivec_train::{DecoderConfig, FieldConfig, FinishConfig, LeanConfig, ScaleConfig, TrainConfig, initial_scene};
 
 /// A configuration of two or three scales with small, anisotropic tensors.
 pub(crate) fn config() -> TrainConfig {

@@ -22,12 +22,11 @@ fi
 
 cd ../..
 target=wasm32-unknown-unknown
-cargo rustc ${STRIVEC_WEB_CARGO:-} --locked --lib --crate-type cdylib --profile web --target "$target" \
-    --no-default-features --features web
+cargo build ${STRIVEC_WEB_CARGO:-} --locked --package strivec-web --profile web --target "$target"
 cd "$folder"
-wasm=${CARGO_TARGET_DIR:-../../target}/$target/web/strivec.wasm
+wasm=${CARGO_TARGET_DIR:-../../target}/$target/web/strivec_web.wasm
 rm -rf src/generated dist
-wasm-bindgen --target web --out-dir src/generated "$wasm"
+wasm-bindgen --target web --out-name strivec --out-dir src/generated "$wasm"
 # Exactly the features that rustc uses for this target.
 node_modules/.bin/wasm-opt -Oz --enable-bulk-memory --enable-mutable-globals --enable-nontrapping-float-to-int \
     --enable-reference-types --enable-sign-ext --enable-multivalue --enable-bulk-memory-opt \

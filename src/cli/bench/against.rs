@@ -7,9 +7,9 @@ use serde::Serialize;
 
 use super::process::{json_of, output_of, this_build};
 use super::report;
-use crate::cli::table::{Table, plural};
-use crate::cli::{Error, Session};
-use crate::measure::bench::{Comparison, by_turns};
+use crate::bench::lab::{Comparison, by_turns};
+use crate::table::{Table, plural};
+use crate::{Error, Session};
 
 const EXAMPLES: &str = "\
 Examples:

@@ -9,15 +9,16 @@ use tempfile::TempDir;
 
 use super::repeats::Repeats;
 use super::{render, report};
-use crate::cli::table::{Table, plural};
-use crate::cli::viewpoints::Viewpoints;
-use crate::cli::{Error, Session, write_atomically};
-use crate::container::{self, EncodeOptions, Encoding};
-use crate::field::Field;
-use crate::measure::bench::{Runs, Spread};
-use crate::model::{Block, Scene};
-use crate::render::{CpuRenderer, Pixel, Renderer};
-use crate::train;
+use crate::bench::lab::{Runs, Spread};
+use crate::table::{Table, plural};
+use crate::viewpoints::Viewpoints;
+use crate::{Error, Session, write_atomically};
+use strivec_field::Field;
+use strivec_field::render::{CpuRenderer, Pixel, Renderer};
+use strivec_format::container;
+use strivec_format::container::{EncodeOptions, Encoding};
+use strivec_format::model::{Block, Scene};
+use strivec_train as train;
 
 const EXAMPLES: &str = "\
 Examples:

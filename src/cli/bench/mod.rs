@@ -4,6 +4,7 @@
 
 mod against;
 mod files;
+pub mod lab;
 mod process;
 mod render;
 mod repeats;
@@ -84,7 +85,7 @@ mod tests {
     #[command(name = "bench")]
     struct Bench {
         #[command(flatten)]
-        globals: crate::cli::session::Globals,
+        globals: crate::session::Globals,
         #[command(flatten)]
         args: Args,
     }

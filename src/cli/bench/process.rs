@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use crate::cli::Error;
+use crate::Error;
 
 /// This executable.
 pub(super) fn this_build() -> Result<PathBuf, Error> {

@@ -6,13 +6,13 @@ use serde::Serialize;
 
 use super::repeats::Repeats;
 use super::report;
-use crate::cli::console::Console;
-use crate::cli::table::plural;
-use crate::cli::viewpoints::Viewpoints;
-use crate::cli::{Error, Session, picture_size, scene_file};
-use crate::measure::bench::{Measured, MemoryMark, ball, frames};
-use crate::model::Scene;
-use crate::train::TrainConfig;
+use crate::bench::lab::{Measured, MemoryMark, ball, frames};
+use crate::console::Console;
+use crate::table::plural;
+use crate::viewpoints::Viewpoints;
+use crate::{Error, Session, picture_size, scene_file};
+use strivec_format::model::Scene;
+use strivec_train::TrainConfig;
 
 const EXAMPLES: &str = "\
 Examples:

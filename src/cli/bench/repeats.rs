@@ -1,8 +1,8 @@
 //! Options for repeated measurements on several numbers of threads.
 
-use crate::cli::Error;
-use crate::cli::table::plural;
-use crate::measure::bench::Runs;
+use crate::Error;
+use crate::bench::lab::Runs;
+use crate::table::plural;
 
 /// Numbers of runs and of threads.
 #[derive(Clone, Debug, clap::Args)]

@@ -1,8 +1,8 @@
 //! Measurements as text.
 
-use crate::cli::table::{Table, plural};
-use crate::digits::grouped;
-use crate::measure::bench::{Measured, Spread};
+use crate::bench::lab::{Measured, Spread};
+use crate::table::{Table, plural};
+use strivec_format::digits::grouped;
 
 /// The stages of a step or frame.
 pub(super) fn stages(measured: &Measured) -> String {
@@ -68,7 +68,7 @@ pub(super) fn percent(share: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::bench::{StageRow, StageTable, Total};
+    use crate::bench::lab::{StageRow, StageTable, Total};
 
     fn measured(threads: usize, milliseconds: f64, rows: Vec<StageRow>) -> Measured {
         let total = Total {

@@ -6,17 +6,18 @@ use serde::Serialize;
 
 use super::repeats::Repeats;
 use super::report;
-use crate::cli::dataset::DatasetOptions;
-use crate::cli::observer::ConsoleObserver;
-use crate::cli::settings::Preset;
-use crate::cli::state_file::read_state;
-use crate::cli::table::plural;
-use crate::cli::{Error, Session, scene_file};
-use crate::dataset::{self, Dataset, View};
-use crate::measure::bench::{Measured, MemoryMark, at_rest, ball, ball_views, training_steps};
-use crate::model::Scene;
-use crate::recipe::Recipe;
-use crate::train::{TrainConfig, Trainer};
+use crate::bench::lab::{Measured, MemoryMark, at_rest, ball, ball_views, training_steps};
+use crate::dataset::DatasetOptions;
+use crate::observer::ConsoleObserver;
+use crate::settings::Preset;
+use crate::state_file::read_state;
+use crate::table::plural;
+use crate::{Error, Session, scene_file};
+use strivec_capture::dataset;
+use strivec_capture::dataset::{Dataset, View};
+use strivec_format::model::Scene;
+use strivec_train::recipe::Recipe;
+use strivec_train::{TrainConfig, Trainer};
 
 const EXAMPLES: &str = "\
 Examples:

@@ -8,13 +8,15 @@ use serde::Serialize;
 
 use super::picture::Plan;
 use super::{DatasetOptions, Error, Session};
-use crate::cli::table::{plural, short};
-use crate::cli::write_atomically;
-use crate::dataset::{self, Description, LoadOptions, NamedCamera};
-use crate::escape::escaped_path;
-use crate::geometry::Camera;
-use crate::measure::color_png;
-use crate::prior::{self, CameraBounds, VoxelBoxes};
+use crate::table::{plural, short};
+use crate::write_atomically;
+use strivec_capture::dataset;
+use strivec_capture::dataset::{Description, LoadOptions, NamedCamera};
+use strivec_capture::prior;
+use strivec_capture::prior::{CameraBounds, VoxelBoxes};
+use strivec_format::escape::escaped_path;
+use strivec_format::geometry::Camera;
+use strivec_measure::color_png;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -96,7 +98,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let focus = CameraBounds::from_cameras(cameras.iter()).focus;
     let distances = cameras.iter().map(|camera| camera.position.distance(focus));
     let mean = distances.clone().sum::<f64>() / cameras.len() as f64;
-    let corners = |bounds: &crate::geometry::Aabb| [bounds.min, bounds.max].map(|corner| corner.to_array());
+    let corners = |bounds: &strivec_format::geometry::Aabb| [bounds.min, bounds.max].map(|corner| corner.to_array());
     let info = Info {
         name,
         layout: layout.name(),

@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use crate::cli::named_value::one_of;
-use crate::cli::quantity;
-use crate::dataset::{Holdout, Layout, LoadOptions};
+use crate::named_value::one_of;
+use crate::quantity;
+use strivec_capture::dataset::{Holdout, Layout, LoadOptions};
 
 /// Layout and splits of a dataset.
 #[derive(Clone, Debug, Default, clap::Args)]
-pub(in crate::cli) struct DatasetOptions {
+pub(crate) struct DatasetOptions {
     /// Layout of the dataset's folder [default: detected by its files]
     #[arg(long, value_parser = one_of(Layout::ALL, Layout::name), help_heading = "Dataset")]
     layout: Option<Layout>,
@@ -40,7 +40,7 @@ const MAX_MEMORY: &str = "8GB";
 
 impl DatasetOptions {
     /// Options to load all views, downscaled `downscale` times.
-    pub(in crate::cli) fn load_options(&self, downscale: u32) -> LoadOptions {
+    pub(crate) fn load_options(&self, downscale: u32) -> LoadOptions {
         LoadOptions {
             downscale,
             layout: self.layout,

@@ -3,9 +3,9 @@
 use glam::{DVec2, DVec3};
 use plotters::prelude::*;
 
-use crate::cli::{Error, plots};
-use crate::dataset::NamedCamera;
-use crate::geometry::{Aabb, Camera};
+use crate::{Error, plots};
+use strivec_capture::dataset::NamedCamera;
+use strivec_format::geometry::{Aabb, Camera};
 
 /// Columns and rows of one of the two views.
 const VIEW: [u32; 2] = [700, 700];

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::metric::Metric;
-use crate::escape::{escaped, escaped_path};
-use crate::measure::Report;
+use strivec_format::escape::{escaped, escaped_path};
+use strivec_measure::Report;
 
 /// The measures of each view of each file, whose metrics are the same.
 pub(super) fn csv(reports: &[(&Path, &Report)]) -> String {
@@ -31,7 +31,7 @@ fn quoted(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::ViewReport;
+    use strivec_measure::ViewReport;
 
     #[test]
     fn each_view_has_a_row_and_names_are_quoted() {

@@ -5,18 +5,19 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::cli::approximations::Approximations;
-use crate::cli::backend::{BackendOptions, Drawn};
-use crate::cli::progress::Progress;
-use crate::cli::render::colors;
-use crate::cli::{Error, Session, scene_file};
-use crate::container::SceneFile;
-use crate::dataset::View;
-use crate::measure::{self, Region, RegionErrors, RegionReport, SsimConvention, ViewReport, counted};
-use crate::render::{RenderSettings, upsample_bilinear};
+use crate::approximations::Approximations;
+use crate::backend::{BackendOptions, Drawn};
+use crate::progress::Progress;
+use crate::render::colors;
+use crate::{Error, Session, scene_file};
+use strivec_capture::dataset::View;
+use strivec_field::render::{RenderSettings, upsample_bilinear};
+use strivec_format::container::SceneFile;
+use strivec_measure as measure;
+use strivec_measure::{Region, RegionErrors, RegionReport, SsimConvention, ViewReport, counted};
 
 /// A scene file that was read.
-pub(in crate::cli) struct SceneToEvaluate {
+pub(crate) struct SceneToEvaluate {
     path: PathBuf,
     bytes: u64,
     scene_file: SceneFile,
@@ -24,9 +25,9 @@ pub(in crate::cli) struct SceneToEvaluate {
 
 /// The result for a file, as `--json` prints it.
 #[derive(Serialize)]
-pub(in crate::cli) struct Evaluated {
-    pub(in crate::cli) file: PathBuf,
-    pub(in crate::cli) bytes: u64,
+pub(crate) struct Evaluated {
+    pub(crate) file: PathBuf,
+    pub(crate) bytes: u64,
     #[serde(flatten)]
     drawn: Drawn,
     #[serde(flatten)]
@@ -34,50 +35,50 @@ pub(in crate::cli) struct Evaluated {
     /// Preparation of the renderer.
     seconds_preparing: f64,
     /// Mean time of rendering a view.
-    pub(in crate::cli) seconds_per_view: f64,
+    pub(crate) seconds_per_view: f64,
     #[serde(flatten)]
-    pub(in crate::cli) report: measure::Report,
+    pub(crate) report: measure::Report,
     /// Errors by region of the photographs.
-    pub(in crate::cli) regions: Vec<RegionReport>,
+    pub(crate) regions: Vec<RegionReport>,
     /// Comparison of the renderer with the reference.
-    pub(in crate::cli) parity: Option<measure::Parity>,
+    pub(crate) parity: Option<measure::Parity>,
 }
 
 /// The pictures of a view.
-pub(in crate::cli) struct Shown<'a> {
+pub(crate) struct Shown<'a> {
     /// The view's number among the evaluated ones.
-    pub(in crate::cli) index: usize,
-    pub(in crate::cli) report: &'a ViewReport,
+    pub(crate) index: usize,
+    pub(crate) report: &'a ViewReport,
     /// Columns and rows.
-    pub(in crate::cli) size: [u32; 2],
-    pub(in crate::cli) photograph: &'a [[f32; 3]],
-    pub(in crate::cli) rendered: &'a [[f32; 3]],
+    pub(crate) size: [u32; 2],
+    pub(crate) photograph: &'a [[f32; 3]],
+    pub(crate) rendered: &'a [[f32; 3]],
 }
 
 /// How scenes are rendered and measured.
-pub(in crate::cli) struct Evaluator<'a> {
-    pub(in crate::cli) session: &'a Session,
-    pub(in crate::cli) backend: &'a BackendOptions,
-    pub(in crate::cli) approximations: &'a Approximations,
-    pub(in crate::cli) ssim: &'a [SsimConvention],
+pub(crate) struct Evaluator<'a> {
+    pub(crate) session: &'a Session,
+    pub(crate) backend: &'a BackendOptions,
+    pub(crate) approximations: &'a Approximations,
+    pub(crate) ssim: &'a [SsimConvention],
     /// Compare the renderer with the reference, too.
-    pub(in crate::cli) parity: bool,
+    pub(crate) parity: bool,
 }
 
 impl SceneToEvaluate {
     /// Reads the file `path`.
-    pub(in crate::cli) fn read(path: &Path, session: &Session) -> Result<Self, Error> {
+    pub(crate) fn read(path: &Path, session: &Session) -> Result<Self, Error> {
         let (scene_file, bytes) = scene_file::read(path, &session.console)?;
         Ok(Self { path: path.to_path_buf(), bytes: bytes.len() as u64, scene_file })
     }
 
     /// The file's name.
-    pub(in crate::cli) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
     /// The color that transparent photographs are composited on.
-    pub(in crate::cli) fn background(&self) -> [f32; 3] {
+    pub(crate) fn background(&self) -> [f32; 3] {
         self.scene_file.scene.frame.background
     }
 }
@@ -88,7 +89,7 @@ impl Evaluator<'_> {
     /// # Errors
     ///
     /// If there are no views, an approximation is not the scene's, a picture is too small to measure, or `on_view` fails.
-    pub(in crate::cli) fn evaluate(
+    pub(crate) fn evaluate(
         &self,
         scene: SceneToEvaluate,
         views: &[View],

@@ -1,23 +1,23 @@
 //! The columns of results.
 
-use crate::measure::{Report, ViewReport};
+use strivec_measure::{Report, ViewReport};
 
 /// A measured number of a view, and its mean over the views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::cli) struct Metric {
+pub(crate) struct Metric {
     /// Name of the metric in JSON and CSV.
-    pub(in crate::cli) name: &'static str,
+    pub(crate) name: &'static str,
 }
 
 impl Metric {
     /// The metrics of `report`.
-    pub(in crate::cli) fn of(report: &Report) -> Vec<Self> {
+    pub(crate) fn of(report: &Report) -> Vec<Self> {
         let always = ["psnr", "psnr_after_color_fit", "ssim"];
         always.into_iter().chain(report.others.keys().copied()).map(|name| Self { name }).collect()
     }
 
     /// The heading of its column: `PSNR`, `SSIM 3dgs`.
-    pub(in crate::cli) fn heading(self) -> String {
+    pub(crate) fn heading(self) -> String {
         match self.name.split_once('_') {
             Some(("psnr", rest)) => rest.replace('_', " "),
             Some((kind, variant)) => format!("{} {variant}", kind.to_uppercase()),
@@ -26,22 +26,22 @@ impl Metric {
     }
 
     /// `value` of a view, or `-`.
-    pub(in crate::cli) fn text(self, value: Option<f64>) -> String {
+    pub(crate) fn text(self, value: Option<f64>) -> String {
         value.map_or_else(|| "-".to_owned(), |value| format!("{value:.*}", self.decimals()))
     }
 
     /// `value` of a mean, or `-`: a digit more for decibels.
-    pub(in crate::cli) fn mean_text(self, value: Option<f64>) -> String {
+    pub(crate) fn mean_text(self, value: Option<f64>) -> String {
         value.map_or_else(|| "-".to_owned(), |value| format!("{value:.*}", self.decimals().max(3)))
     }
 
     /// The number of `view` less that of `base`; `None` if one has none.
-    pub(in crate::cli) fn difference(self, view: &ViewReport, base: &ViewReport) -> Option<f64> {
+    pub(crate) fn difference(self, view: &ViewReport, base: &ViewReport) -> Option<f64> {
         Some(self.of_view(view)? - self.of_view(base)?)
     }
 
     /// A difference or its standard error: a digit more than the number has.
-    pub(in crate::cli) fn difference_text(self, value: f64, has_sign: bool) -> String {
+    pub(crate) fn difference_text(self, value: f64, has_sign: bool) -> String {
         let decimals = self.decimals() + 1;
         if has_sign { format!("{value:+.decimals$}") } else { format!("{value:.decimals$}") }
     }
@@ -51,7 +51,7 @@ impl Metric {
     }
 
     /// The number of `view`.
-    pub(in crate::cli) fn of_view(self, view: &ViewReport) -> Option<f64> {
+    pub(crate) fn of_view(self, view: &ViewReport) -> Option<f64> {
         match self.name {
             "psnr" => Some(view.psnr),
             "psnr_after_color_fit" => Some(view.psnr_after_color_fit),
@@ -61,7 +61,7 @@ impl Metric {
     }
 
     /// The mean of `report`.
-    pub(in crate::cli) fn mean(self, report: &Report) -> Option<f64> {
+    pub(crate) fn mean(self, report: &Report) -> Option<f64> {
         match self.name {
             "psnr" => Some(report.psnr),
             "psnr_after_color_fit" => Some(report.psnr_after_color_fit),

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use super::csv::csv;
 use super::page::Page;
 use super::view_pictures::{PictureFormat, ViewPictures};
-use crate::cli::{Error, Session, check_output, write_atomically};
-use crate::measure::Report;
+use crate::{Error, Session, check_output, write_atomically};
+use strivec_measure::Report;
 
 /// The files of results.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Files of results")]
-pub(in crate::cli) struct OutputOptions {
+pub(crate) struct OutputOptions {
     /// Write the measures of each view as CSV
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
@@ -29,7 +29,7 @@ pub(in crate::cli) struct OutputOptions {
 
 impl OutputOptions {
     /// Checks, before any work is done, that the files can be written.
-    pub(in crate::cli) fn check(&self, session: &Session) -> Result<(), Error> {
+    pub(crate) fn check(&self, session: &Session) -> Result<(), Error> {
         if self.csv.is_some() && self.csv == self.report {
             return Err(Error::Usage("--csv and --report name the same file; name two".into()));
         }
@@ -37,13 +37,13 @@ impl OutputOptions {
     }
 
     /// Collects the pictures of the report for `views` views.
-    pub(in crate::cli) fn pictures(&self, views: usize) -> ViewPictures {
+    pub(crate) fn pictures(&self, views: usize) -> ViewPictures {
         let shown = if self.report.is_some() { self.report_views } else { 0 };
         ViewPictures::new(views, shown, self.report_pictures)
     }
 
     /// Writes the files: the views of `reports`, by file, and the page.
-    pub(in crate::cli) fn write(
+    pub(crate) fn write(
         &self,
         reports: &[(&Path, &Report)],
         page: impl FnOnce() -> Page,

@@ -1,7 +1,7 @@
 //! Results as one HTML page that loads nothing: sortable tables, and pictures with a slider between any two.
 
 use super::view_pictures::ShownView;
-use crate::escape::escaped;
+use strivec_format::escape::escaped;
 
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
@@ -9,35 +9,35 @@ const SCRIPT: &str = include_str!("page.js");
 const LEAST_WIDTH: u32 = 400;
 
 /// A page before its texts are escaped.
-pub(in crate::cli) struct Page {
-    pub(in crate::cli) title: String,
+pub(crate) struct Page {
+    pub(crate) title: String,
     /// (name, value) pairs below the title.
-    pub(in crate::cli) facts: Vec<(String, String)>,
-    pub(in crate::cli) tables: Vec<PageTable>,
-    pub(in crate::cli) views: Vec<ShownView>,
+    pub(crate) facts: Vec<(String, String)>,
+    pub(crate) tables: Vec<PageTable>,
+    pub(crate) views: Vec<ShownView>,
 }
 
 /// A table; its first column has names, the others numbers.
-pub(in crate::cli) struct PageTable {
-    pub(in crate::cli) heading: String,
-    pub(in crate::cli) columns: Vec<String>,
-    pub(in crate::cli) rows: Vec<Vec<Cell>>,
+pub(crate) struct PageTable {
+    pub(crate) heading: String,
+    pub(crate) columns: Vec<String>,
+    pub(crate) rows: Vec<Vec<Cell>>,
 }
 
 /// A text and the number that it is sorted by.
-pub(in crate::cli) struct Cell {
+pub(crate) struct Cell {
     text: String,
     value: Option<f64>,
 }
 
 impl Cell {
     /// A name.
-    pub(in crate::cli) fn name(text: impl Into<String>) -> Self {
+    pub(crate) fn name(text: impl Into<String>) -> Self {
         Self { text: text.into(), value: None }
     }
 
     /// `value`, shown as `text`. Without a value it is sorted first.
-    pub(in crate::cli) fn number(value: Option<f64>, text: String) -> Self {
+    pub(crate) fn number(value: Option<f64>, text: String) -> Self {
         Self { text, value: Some(value.unwrap_or(f64::NEG_INFINITY)) }
     }
 

@@ -2,22 +2,23 @@
 
 use std::path::PathBuf;
 
-use crate::cli::Error;
-use crate::cli::view_selection::ViewSelection;
-use crate::dataset::{self, Dataset, LoadOptions, View};
-use crate::recipe::RefinedPoses;
+use crate::Error;
+use crate::view_selection::ViewSelection;
+use strivec_capture::dataset;
+use strivec_capture::dataset::{Dataset, LoadOptions, View};
+use strivec_train::recipe::RefinedPoses;
 
 /// The selected views of a dataset.
 #[derive(Clone, Debug, clap::Args)]
-pub(in crate::cli) struct Photographs {
+pub(crate) struct Photographs {
     /// Dataset folder
     dataset: PathBuf,
     /// Split of the dataset: train, val, test or all; for Blender's layout S of transforms_S.json
     #[arg(long, value_name = "S", default_value = "test")]
-    pub(in crate::cli) split: String,
+    pub(crate) split: String,
     /// Downscale photographs N times
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    pub(in crate::cli) downscale: u32,
+    pub(crate) downscale: u32,
     #[command(flatten)]
     selection: ViewSelection,
     /// Refined poses of the training views, as `train --refine-poses` writes them: views move by the similarity from the
@@ -32,7 +33,7 @@ impl Photographs {
     /// # Errors
     ///
     /// If the dataset or the file of poses cannot be read or is refused.
-    pub(in crate::cli) fn load(&self) -> Result<Dataset, Error> {
+    pub(crate) fn load(&self) -> Result<Dataset, Error> {
         let options = self.selection.options(self.downscale);
         let mut dataset = dataset::load(&self.dataset, &self.split, &options)?;
         if let Some(path) = &self.aligned_to {

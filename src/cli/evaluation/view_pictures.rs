@@ -5,8 +5,8 @@ use base64::engine::general_purpose::STANDARD;
 use clap::ValueEnum;
 
 use super::evaluator::Shown;
-use crate::cli::Error;
-use crate::measure::{ERROR_FULL, color_jpeg, color_png, error_map};
+use crate::Error;
+use strivec_measure::{ERROR_FULL, color_jpeg, color_png, error_map};
 
 const JPEG_QUALITY: u8 = 90;
 /// The most bytes of a report's pictures, which browsers still open.
@@ -14,7 +14,7 @@ const MAX_BYTES: usize = 256 << 20;
 
 /// The encoding of a report's pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(in crate::cli) enum PictureFormat {
+pub(crate) enum PictureFormat {
     /// JPEG of quality 90
     #[default]
     Jpeg,
@@ -23,19 +23,19 @@ pub(in crate::cli) enum PictureFormat {
 }
 
 /// The pictures of a view, all of one size.
-pub(in crate::cli) struct ShownView {
-    pub(in crate::cli) index: usize,
-    pub(in crate::cli) name: String,
+pub(crate) struct ShownView {
+    pub(crate) index: usize,
+    pub(crate) name: String,
     /// The PSNR of each file, as in `A 36.21 dB`.
-    pub(in crate::cli) psnr: Vec<String>,
+    pub(crate) psnr: Vec<String>,
     /// Columns and rows.
-    pub(in crate::cli) size: [u32; 2],
+    pub(crate) size: [u32; 2],
     /// (label, data URI): the photograph, then a picture and its error for each file.
-    pub(in crate::cli) pictures: Vec<(String, String)>,
+    pub(crate) pictures: Vec<(String, String)>,
 }
 
 /// Collects the pictures of some views, of one file after another.
-pub(in crate::cli) struct ViewPictures {
+pub(crate) struct ViewPictures {
     /// Number of all views, and of those that are shown.
     views: usize,
     shown: usize,
@@ -55,7 +55,7 @@ impl ViewPictures {
     /// # Errors
     ///
     /// If the pictures take too much memory, or cannot be encoded.
-    pub(in crate::cli) fn add(&mut self, view: &Shown<'_>, name: &str) -> Result<(), Error> {
+    pub(crate) fn add(&mut self, view: &Shown<'_>, name: &str) -> Result<(), Error> {
         if (view.index + 1) * self.shown / self.views == view.index * self.shown / self.views {
             return Ok(());
         }
@@ -83,7 +83,7 @@ impl ViewPictures {
     }
 
     /// The views in their order.
-    pub(in crate::cli) fn into_views(self) -> Vec<ShownView> {
+    pub(crate) fn into_views(self) -> Vec<ShownView> {
         self.collected
     }
 
@@ -108,7 +108,7 @@ impl ViewPictures {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::ViewReport;
+    use strivec_measure::ViewReport;
 
     #[test]
     fn shown_views_are_spread_over_all_and_later_files_add_to_them() {

@@ -6,12 +6,13 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::input::{Inputs, LimitArgs};
-use crate::cli::{Error, Session, scene_file};
-use crate::container::{self, Probe, SceneFile};
-use crate::escape::escaped_path;
-use crate::measure::PROBE_MARGIN;
-use crate::model::{Block, ReferenceField, Scale, Scene};
-use crate::render::ReferenceRenderer;
+use crate::{Error, Session, scene_file};
+use strivec_field::render::ReferenceRenderer;
+use strivec_format::container;
+use strivec_format::container::{Probe, SceneFile};
+use strivec_format::escape::escaped_path;
+use strivec_format::model::{Block, ReferenceField, Scale, Scene};
+use strivec_measure::PROBE_MARGIN;
 
 /// Rays of a file that are traced, at most.
 const TRACED: usize = 4;

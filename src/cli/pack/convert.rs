@@ -7,12 +7,12 @@ use serde::Serialize;
 use super::encoding::{LayoutArgs, Plain};
 use super::input::{self, Inputs, Outputs};
 use super::rewriting::{Edit, rewritten};
-use crate::cli::approximations::stored_settings;
-use crate::cli::{Error, Session};
-use crate::container::{SceneFile, VERSION};
-use crate::digits::grouped;
-use crate::escape::escaped_path;
-use crate::render::{ParetoFront, QualitySelector, RenderSettings};
+use crate::approximations::stored_settings;
+use crate::{Error, Session};
+use strivec_field::render::{ParetoFront, QualitySelector, RenderSettings};
+use strivec_format::container::{SceneFile, VERSION};
+use strivec_format::digits::grouped;
+use strivec_format::escape::escaped_path;
 
 /// Arguments of `strivec-pack convert`.
 #[derive(Debug, clap::Args)]

@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::input::{self, LimitArgs};
-use crate::cli::{Error, Session};
-use crate::container;
-use crate::model::{Scale, Scene};
-use crate::pack::{Distortion, probe_views};
-use crate::psnr::psnr_of_mse;
-use crate::recipe::JUDGED;
+use crate::{Error, Session};
+use strivec_format::container;
+use strivec_format::model::{Scale, Scene};
+use strivec_format::psnr::psnr_of_mse;
+use strivec_train::pack::{Distortion, probe_views};
+use strivec_train::recipe::JUDGED;
 
 /// Arguments of `strivec-pack diff`.
 #[derive(Debug, clap::Args)]

@@ -8,13 +8,15 @@ use super::convert::rewrite;
 use super::encoding::{LayoutArgs, Plain};
 use super::input::Inputs;
 use super::rewriting::{Edit, rewritten};
-use crate::cli::numbers::{boxed, numbers};
-use crate::cli::table::short;
-use crate::cli::{Error, Session};
-use crate::container::{self, SceneFile};
-use crate::geometry::{Aabb, Similarity};
-use crate::pack::{self, probe_views};
-use crate::recipe::{JUDGED, PROBED};
+use crate::numbers::{boxed, numbers};
+use crate::table::short;
+use crate::{Error, Session};
+use strivec_format::container;
+use strivec_format::container::SceneFile;
+use strivec_format::geometry::{Aabb, Similarity};
+use strivec_train::pack;
+use strivec_train::pack::probe_views;
+use strivec_train::recipe::{JUDGED, PROBED};
 
 /// Inputs and outputs of edits.
 #[derive(Debug, clap::Args)]

@@ -1,9 +1,11 @@
 //! Options of encodings.
 
-use crate::cli::Error;
-use crate::container::{self, EncodeOptions, Encoding, FactorOptions, SceneFile};
-use crate::pack::{self, FileLayout, arranged};
+use crate::Error;
 use clap::ValueEnum;
+use strivec_format::container;
+use strivec_format::container::{EncodeOptions, Encoding, FactorOptions, SceneFile};
+use strivec_train::pack;
+use strivec_train::pack::{FileLayout, arranged};
 
 /// Encodings that depend on the numbers alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

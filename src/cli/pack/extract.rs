@@ -9,12 +9,14 @@ use std::path::{Path, PathBuf};
 use super::convert::Written;
 use super::encoding::{LayoutArgs, Plain, options_for};
 use super::input::{self, LimitArgs, Outputs};
-use crate::cli::table::plural;
-use crate::cli::{Error, Session};
-use crate::container::{self, SceneFile};
-use crate::escape::escaped_path;
-use crate::interop::{ArrayReader, ArrayWriter, Description, write_arrays};
-use crate::npy::{self, Element, Header, NpyError};
+use crate::table::plural;
+use crate::{Error, Session};
+use strivec_export::{ArrayReader, ArrayWriter, Description, write_arrays};
+use strivec_format::container;
+use strivec_format::container::SceneFile;
+use strivec_format::escape::escaped_path;
+use strivec_import::npy;
+use strivec_import::npy::{Element, Header, NpyError};
 
 /// The description's file name.
 const DESCRIPTION: &str = "scene.json";

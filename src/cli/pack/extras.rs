@@ -1,8 +1,8 @@
 //! Options of what a packaged file holds beside its scene.
 
 use super::encoding::LayoutArgs;
-use crate::cli::Error;
-use crate::recipe::PackOptions;
+use crate::Error;
+use strivec_train::recipe::PackOptions;
 
 /// What a file holds beside its scene, and the effort of measuring.
 #[derive(Clone, Debug, clap::Args)]

@@ -6,13 +6,14 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::input::{self, Inputs, LimitArgs};
-use crate::cli::console::Console;
-use crate::cli::info::Info;
-use crate::cli::table::Table;
-use crate::cli::{Error, Session};
-use crate::container::{self, Metadata};
-use crate::digits::grouped;
-use crate::escape::escaped;
+use crate::console::Console;
+use crate::info::Info;
+use crate::table::Table;
+use crate::{Error, Session};
+use strivec_format::container;
+use strivec_format::container::Metadata;
+use strivec_format::digits::grouped;
+use strivec_format::escape::escaped;
 
 /// Arguments of `strivec-pack info`.
 #[derive(Debug, clap::Args)]

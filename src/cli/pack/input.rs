@@ -3,10 +3,11 @@
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
-use crate::cli::console::Console;
-use crate::cli::output::check_scene_name;
-use crate::cli::{Error, Session, check_output, scene_file, write_atomically};
-use crate::container::{self, Limits, SceneFile};
+use crate::console::Console;
+use crate::output::check_scene_name;
+use crate::{Error, Session, check_output, scene_file, write_atomically};
+use strivec_format::container;
+use strivec_format::container::{Limits, SceneFile};
 
 /// The name of standard input and output.
 pub(super) const STANDARD: &str = "-";

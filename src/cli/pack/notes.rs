@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::input::{self, LimitArgs, Outputs};
-use crate::cli::{Error, Session};
-use crate::container;
-use crate::escape::escaped;
+use crate::{Error, Session};
+use strivec_format::container;
+use strivec_format::escape::escaped;
 
 /// Arguments of `strivec-pack notes`.
 #[derive(Debug, clap::Args)]

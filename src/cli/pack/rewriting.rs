@@ -3,12 +3,13 @@
 use std::path::Path;
 
 use super::encoding::{LayoutArgs, Plain, options_for};
-use crate::cli::table::plural;
-use crate::cli::{Error, Session};
-use crate::container::{self, Codec, EncodeOptions, Limits, Metadata, Original, SceneFile};
-use crate::model::Scene;
-use crate::pack;
-use crate::render::TRADE_NOTE;
+use crate::table::plural;
+use crate::{Error, Session};
+use strivec_field::render::TRADE_NOTE;
+use strivec_format::container;
+use strivec_format::container::{Codec, EncodeOptions, Limits, Metadata, Original, SceneFile};
+use strivec_format::model::Scene;
+use strivec_train::pack;
 
 /// How edited files are written.
 pub(super) struct Edit<'a> {

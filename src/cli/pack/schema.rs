@@ -6,7 +6,7 @@ use schemars::generate::SchemaSettings;
 use serde_json::{Value, json};
 
 use super::{conform, convert::Written, diff::Difference, info, package, verify};
-use crate::cli::{Error, Session};
+use crate::{Error, Session};
 
 /// Prints the schema, with and without `--json`.
 pub(super) fn run(session: &Session) -> Result<(), Error> {

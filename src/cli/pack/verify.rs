@@ -6,10 +6,11 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use super::input::{Inputs, LimitArgs};
-use crate::cli::{Error, Session, scene_file};
-use crate::container::{self, SceneFile};
-use crate::escape::{escaped, escaped_path};
-use crate::measure::{CheckedProbes, ProbeLimits, ProbeReport, check_probes_within};
+use crate::{Error, Session, scene_file};
+use strivec_format::container;
+use strivec_format::container::SceneFile;
+use strivec_format::escape::{escaped, escaped_path};
+use strivec_measure::{CheckedProbes, ProbeLimits, ProbeReport, check_probes_within};
 
 /// Arguments of `strivec-pack verify`.
 #[derive(Debug, clap::Args)]

@@ -11,7 +11,7 @@ use super::super::Error;
 use super::super::progress::Progress;
 use super::folder::remove;
 use super::process::stopped;
-use crate::escape::escaped;
+use strivec_format::escape::escaped;
 
 /// A photograph.
 #[derive(Debug)]

@@ -9,8 +9,8 @@ use super::super::Error;
 use super::super::table::plural;
 use super::folder::{Capture, Finished, SPARSE};
 use super::model::{self, Model};
-use crate::digits::grouped;
-use crate::escape::{escaped, escaped_path};
+use strivec_format::digits::grouped;
+use strivec_format::escape::{escaped, escaped_path};
 
 /// Left-out pictures that the text lists.
 const LISTED: usize = 20;

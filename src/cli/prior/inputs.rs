@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use super::shaping::Shaping;
-use crate::cli::Error;
-use crate::recipe::Prior;
+use crate::Error;
+use strivec_train::recipe::Prior;
 
 /// Prior options of commands that train.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Prior")]
-pub(in crate::cli) struct Inputs {
+pub(crate) struct Inputs {
     /// Prior geometry: meshes, point clouds, grids, octrees, or output of `strivec prior`; several are joined [default: coarse reconstruction from the photographs]
     #[arg(long = "prior", value_name = "INPUT")]
     files: Vec<PathBuf>,
@@ -22,7 +22,7 @@ pub(in crate::cli) struct Inputs {
 
 impl Inputs {
     /// The source of the prior.
-    pub(in crate::cli) fn prior(&self) -> Result<Prior, Error> {
+    pub(crate) fn prior(&self) -> Result<Prior, Error> {
         Ok(match (self.bootstrap, self.files.is_empty()) {
             (true, _) => Prior::Bootstrap,
             (false, true) => Prior::Photographs,

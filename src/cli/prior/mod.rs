@@ -15,11 +15,12 @@ use super::error::with_flags;
 use super::observer::ConsoleObserver;
 use super::table::{plural, short};
 use super::{Error, Session, check_output, write_atomically};
-use crate::cli::dataset::DatasetOptions;
-use crate::dataset;
-use crate::escape::escaped_path;
-use crate::prior::{self, Counts};
-use crate::recipe;
+use crate::dataset::DatasetOptions;
+use strivec_capture::dataset;
+use strivec_capture::prior;
+use strivec_capture::prior::Counts;
+use strivec_format::escape::escaped_path;
+use strivec_train::recipe;
 
 const EXAMPLES: &str = "\
 Examples:

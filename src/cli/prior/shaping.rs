@@ -4,18 +4,18 @@ use std::path::Path;
 
 use glam::{DAffine3, DMat3, DMat4};
 
-use crate::cli::Error;
-use crate::cli::numbers::{boxed, numbers};
-use crate::cli::table::plural;
-use crate::geometry::Aabb;
-use crate::import::ReadOptions;
-use crate::model::UpAxis;
-use crate::prior::{BuildOptions, Outliers};
+use crate::Error;
+use crate::numbers::{boxed, numbers};
+use crate::table::plural;
+use strivec_capture::prior::{BuildOptions, Outliers};
+use strivec_format::geometry::Aabb;
+use strivec_format::model::UpAxis;
+use strivec_import::ReadOptions;
 
 /// Options of every prior from files.
 #[derive(Clone, Debug, clap::Args)]
 #[command(next_help_heading = "Prior geometry")]
-pub(in crate::cli) struct Shaping {
+pub(crate) struct Shaping {
     /// Edge of a cell, in dataset units [default: the grid's; else about a million cells in the files' bounds, without points far from the others]
     #[arg(long, value_name = "LENGTH")]
     voxel: Option<f64>,
@@ -77,7 +77,7 @@ pub(in crate::cli) struct Shaping {
 
 impl Shaping {
     /// The library's options.
-    pub(in crate::cli) fn options(&self) -> Result<BuildOptions, Error> {
+    pub(crate) fn options(&self) -> Result<BuildOptions, Error> {
         let read = ReadOptions {
             vertices: self.vertices,
             min_confidence: self.min_confidence,

@@ -5,17 +5,19 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::shaping::Shaping;
-use crate::cli::error::with_flags;
-use crate::cli::observer::ConsoleObserver;
-use crate::cli::table::{plural, short};
-use crate::cli::view_selection::ViewSelection;
-use crate::cli::{Error, Session, check_output, write_atomically};
-use crate::dataset::{self, Dataset};
-use crate::escape::escaped_path;
-use crate::geometry::Camera;
-use crate::measure::{Canvas, color_png, side_by_side, stacked};
-use crate::prior::{self, Built, PriorVisibility, Shading, SparseVoxelTree};
-use crate::recipe;
+use crate::error::with_flags;
+use crate::observer::ConsoleObserver;
+use crate::table::{plural, short};
+use crate::view_selection::ViewSelection;
+use crate::{Error, Session, check_output, write_atomically};
+use strivec_capture::dataset;
+use strivec_capture::dataset::Dataset;
+use strivec_capture::prior;
+use strivec_capture::prior::{Built, PriorVisibility, Shading, SparseVoxelTree};
+use strivec_format::escape::escaped_path;
+use strivec_format::geometry::Camera;
+use strivec_measure::{Canvas, color_png, side_by_side, stacked};
+use strivec_train::recipe;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -33,7 +35,7 @@ const BACKGROUND: [f32; 3] = [1.0; 3];
 /// The arguments.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Output of `strivec prior`, or any of its inputs; several are joined
     #[arg(value_name = "PRIOR", required = true)]
     inputs: Vec<PathBuf>,
@@ -70,7 +72,7 @@ struct Shown<'a> {
 }
 
 /// Writes the sheet.
-pub(in crate::cli) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(crate) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     check_output(&args.out, session.force)?;
     let Built { boxes, colors, .. } = recipe::build_prior(
         &args.inputs,

@@ -2,12 +2,12 @@
 
 use serde::Serialize;
 
-use crate::dataset::View;
-use crate::field::Field;
-use crate::measure::{Cell, CellMap, FLAT};
-use crate::model::Scene;
-use crate::random::Random;
-use crate::train::{RayBatch, RaySampler, TrainConfig, TrainError};
+use strivec_capture::dataset::View;
+use strivec_field::Field;
+use strivec_format::model::Scene;
+use strivec_format::random::Random;
+use strivec_train::{Cell, CellMap, FLAT};
+use strivec_train::{RayBatch, RaySampler, TrainConfig, TrainError};
 
 /// Cells along the scene's longest edge, and the largest number of rays that measure them.
 const CELLS_ALONG: usize = 64;

@@ -14,11 +14,12 @@ use super::output::check_scene_name;
 use super::settings::{Basics, Precision, Preset};
 use super::state_file::{StateFile, run_steps};
 use super::{Error, Session, check_output, quantity, scene_file, write_atomically};
-use crate::container::{self, EncodeOptions, Metadata};
-use crate::dataset;
-use crate::measure::color_png;
-use crate::model::Scene;
-use crate::train::{ShrinkGoal, TrainConfig, Trainer, Tuning, compacted, shrink};
+use strivec_capture::dataset;
+use strivec_format::container;
+use strivec_format::container::{EncodeOptions, Metadata};
+use strivec_format::model::Scene;
+use strivec_measure::color_png;
+use strivec_train::{ShrinkGoal, TrainConfig, Trainer, Tuning, compacted, shrink};
 
 const EXAMPLES: &str = "\
 Examples:

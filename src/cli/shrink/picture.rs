@@ -7,8 +7,9 @@ use plotters::prelude::{
 };
 use plotters::style::Color;
 
-use crate::cli::plots::{FONT, picture, register};
-use crate::measure::{Cell, CellMap, ramp};
+use crate::plots::{FONT, picture, register};
+use strivec_measure::ramp;
+use strivec_train::{Cell, CellMap};
 
 const SIZE: (u32, u32) = (1440, 900);
 const DOT: RGBColor = RGBColor(40, 90, 150);

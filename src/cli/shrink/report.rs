@@ -5,10 +5,10 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::cells::CellKind;
-use crate::cli::table::Table;
-use crate::digits::grouped;
-use crate::escape::escaped_path;
-use crate::model::{Block, Scale};
+use crate::table::Table;
+use strivec_format::digits::grouped;
+use strivec_format::escape::escaped_path;
+use strivec_format::model::{Block, Scale};
 
 /// The result, as `--json` prints it.
 #[derive(Serialize)]

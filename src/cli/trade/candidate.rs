@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::cli::backend::Backend;
-use crate::cli::table::plural;
-use crate::render::{Approximation, RenderSettings};
+use crate::backend::Backend;
+use crate::table::plural;
+use strivec_field::render::{Approximation, RenderSettings};
 
 /// A candidate of the sweep. Two are the same if all fields are equal.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

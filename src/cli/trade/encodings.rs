@@ -1,11 +1,11 @@
 //! The scene as decoded from other encodings.
 
 use super::sweep::Source;
-use crate::cli::{Error, Session};
-use crate::container::{EncodeOptions, Encoding, Limits, Metadata, decode_scene_file, encode_scene_file};
-use crate::model::Scene;
-use crate::pack::{Distortion, Goal, balance, probe_views, search};
-use crate::recipe::{JUDGED, PROBED};
+use crate::{Error, Session};
+use strivec_format::container::{EncodeOptions, Encoding, Limits, Metadata, decode_scene_file, encode_scene_file};
+use strivec_format::model::Scene;
+use strivec_train::pack::{Distortion, Goal, balance, probe_views, search};
+use strivec_train::recipe::{JUDGED, PROBED};
 
 /// Encodings that treat all factors alike, and their names.
 const PLAIN: [(&str, Encoding); 3] =
@@ -15,7 +15,7 @@ const LOSSY: [f64; 3] = [60.0, 52.0, 45.0];
 
 /// `scene` after encoding and decoding, once per encoding.
 pub(super) fn encoded(scene: &Scene, metadata: &Metadata, session: &Session) -> Result<Vec<Source>, Error> {
-    let failed = |e: crate::container::Error| Error::Runtime(e.to_string());
+    let failed = |e: strivec_format::container::Error| Error::Runtime(e.to_string());
     let source = |name: String, scene: &Scene, options: &EncodeOptions| -> Result<Source, Error> {
         let bytes = encode_scene_file(scene, &Metadata::default(), options).map_err(failed)?;
         let scene = decode_scene_file(&bytes, Limits { memory: u64::MAX }).map_err(failed)?.scene;

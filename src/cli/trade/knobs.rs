@@ -2,8 +2,8 @@
 
 use super::candidate::{Candidate, Engine};
 use super::measured::Measured;
-use crate::model::{DecoderMode, Scene};
-use crate::render::{Approximation, RenderSettings};
+use strivec_field::render::{Approximation, RenderSettings};
+use strivec_format::model::{DecoderMode, Scene};
 
 /// A knob: one setting that trades speed for quality, and its values besides the exact one.
 pub(super) struct Knob {
@@ -184,8 +184,8 @@ fn joined(a: &Candidate, b: &Candidate) -> Option<Candidate> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::measure::bench::Spread;
-    use crate::psnr::psnr_of_mse;
+    use crate::bench::lab::Spread;
+    use strivec_format::psnr::psnr_of_mse;
 
     #[test]
     fn losses_are_judged_relative_to_the_error_of_the_scene() {

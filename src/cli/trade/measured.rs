@@ -8,9 +8,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::candidate::Candidate;
-use crate::cli::Error;
-use crate::measure::bench::Spread;
-use crate::psnr::psnr_of_mse;
+use crate::Error;
+use crate::bench::lab::Spread;
+use strivec_format::psnr::psnr_of_mse;
 
 /// PSNR in dB that tables give for identical pictures, whose PSNR is infinite.
 pub(super) const SAME: f64 = 99.0;

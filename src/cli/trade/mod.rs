@@ -25,8 +25,9 @@ use super::dataset::DatasetOptions;
 use super::output::make_folder;
 use super::table::plural;
 use super::{Error, Session, scene_file, write_atomically};
-use crate::container::{self, Metadata, SceneFile};
-use crate::render::{ParetoFront, RenderSettings, TRADE_NOTE};
+use strivec_field::render::{ParetoFront, RenderSettings, TRADE_NOTE};
+use strivec_format::container;
+use strivec_format::container::{Metadata, SceneFile};
 
 const EXAMPLES: &str = "\
 Examples:

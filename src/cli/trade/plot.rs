@@ -6,7 +6,8 @@ use plotters::prelude::{
 };
 use plotters::style::{Color, IntoFont};
 
-use crate::cli::plots::{self, FONT};
+use crate::plots;
+use crate::plots::FONT;
 
 /// A plot of points.
 pub(super) struct Plot {

@@ -10,11 +10,11 @@ use super::pareto::front;
 use super::plot::{self, Plot};
 use super::sweep::Source;
 use super::views::Views;
-use crate::cli::render::colors;
-use crate::cli::table::Table;
-use crate::cli::{Error, Session, write_atomically};
-use crate::measure::{Canvas, ERROR_FULL, color_png, error_map, side_by_side, stacked};
-use crate::render::{ParetoFront, ParetoPoint, upsample_bilinear};
+use crate::render::colors;
+use crate::table::Table;
+use crate::{Error, Session, write_atomically};
+use strivec_field::render::{ParetoFront, ParetoPoint, upsample_bilinear};
+use strivec_measure::{Canvas, ERROR_FULL, color_png, error_map, side_by_side, stacked};
 
 /// How to read the times of the table.
 const TIMES_NOTE: &str = "

@@ -6,15 +6,15 @@ use super::candidate::{Candidate, Engine};
 use super::measured::{Log, Measured, Visit};
 use super::pareto::below_front;
 use super::views::{View, Views};
-use crate::cli::backend::{BackendOptions, Prepared};
-use crate::cli::console::Console;
-use crate::cli::progress::Progress;
-use crate::cli::render::colors;
-use crate::cli::table::plural;
-use crate::cli::{Error, Session};
-use crate::measure::{Error as MeasureError, mse, ssim};
-use crate::model::Scene;
-use crate::render::{Approximation, upsample_bilinear};
+use crate::backend::{BackendOptions, Prepared};
+use crate::console::Console;
+use crate::progress::Progress;
+use crate::render::colors;
+use crate::table::plural;
+use crate::{Error, Session};
+use strivec_field::render::{Approximation, upsample_bilinear};
+use strivec_format::model::Scene;
+use strivec_measure::{Error as MeasureError, mse, ssim};
 
 /// A scene that candidates render.
 pub(super) struct Source {

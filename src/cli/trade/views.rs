@@ -3,17 +3,18 @@
 use std::path::Path;
 
 use super::candidate::Engine;
-use crate::cli::Error;
-use crate::cli::console::Console;
-use crate::cli::render::colors;
-use crate::cli::table::plural;
-use crate::cli::view_selection::evenly_spaced;
-use crate::container::Metadata;
-use crate::dataset::{self, Dataset, LoadOptions};
-use crate::geometry::Camera;
-use crate::model::Scene;
-use crate::pack::probe_views;
-use crate::render::Approximation;
+use crate::Error;
+use crate::console::Console;
+use crate::render::colors;
+use crate::table::plural;
+use crate::view_selection::evenly_spaced;
+use strivec_capture::dataset;
+use strivec_capture::dataset::{Dataset, LoadOptions};
+use strivec_field::render::Approximation;
+use strivec_format::container::Metadata;
+use strivec_format::geometry::Camera;
+use strivec_format::model::Scene;
+use strivec_train::pack::probe_views;
 
 /// A camera with its expected picture.
 pub(super) struct View {

@@ -1,7 +1,7 @@
 //! Arrays of numbers, in files and in archives.
 
-use crate::import::{Fault, Visitor};
 use crate::npy::Header;
+use crate::{Fault, Visitor};
 
 /// Numbers or rows between two reports of progress.
 pub(super) const REPORT_EVERY: u64 = 1 << 20;

@@ -1,10 +1,10 @@
 //! Grids of booleans, numbers and densities.
 
 use super::array::{Array, visit_all};
-use crate::geometry::Aabb;
-use crate::import::grid::{At, Grid, Order, bounds_given, three_axes};
-use crate::import::{Fault, ReadOptions, Visitor};
+use crate::grid::{At, Grid, Order, bounds_given, three_axes};
 use crate::npy::Number;
+use crate::{Fault, ReadOptions, Visitor};
+use strivec_format::geometry::Aabb;
 
 /// Passes the occupied cells of a grid over `bounds` to `visitor`: those that are true or above 0, or, for floats,
 /// above [`ReadOptions::threshold`].

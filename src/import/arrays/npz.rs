@@ -18,11 +18,11 @@ use glam::DVec3;
 use super::array::{Array, REPORT_EVERY, first};
 use super::unnamed::of_any_shape;
 use super::{grids, points};
-use crate::geometry::Aabb;
-use crate::import::archive::{Archive, check_end_of};
-use crate::import::grid::{At, Density, Order};
-use crate::import::{Fault, ReadOptions, Visitor};
+use crate::archive::{Archive, check_end_of};
+use crate::grid::{At, Density, Order};
 use crate::npy::{Header, Number};
+use crate::{Fault, ReadOptions, Visitor};
+use strivec_format::geometry::Aabb;
 
 /// 2^53: larger cell indices are not exact in f64.
 const MAX_INDEX: f64 = 9007199254740992.0;

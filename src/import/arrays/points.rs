@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::array::{Array, REPORT_EVERY};
-use crate::import::{Fault, Point, Visitor};
 use crate::npy::Number;
+use crate::{Fault, Point, Visitor};
 
 /// Columns of an array of points, of which at most six are used: pictures and height maps have more.
 const MAX_COLUMNS: u64 = 12;

@@ -5,9 +5,9 @@ use zip::CompressionMethod;
 use zip::write::{SimpleFileOptions, ZipWriter};
 
 use super::read;
-use crate::geometry::Aabb;
-use crate::import::testing::{Seen, seen_with};
-use crate::import::{Fault, ReadOptions};
+use crate::testing::{Seen, seen_with};
+use crate::{Fault, ReadOptions};
+use strivec_format::geometry::Aabb;
 
 fn npy(descr: &str, fortran: bool, shape: &str, numbers: &[u8]) -> Vec<u8> {
     let order = if fortran { "True" } else { "False" };

@@ -2,8 +2,8 @@
 
 use super::array::Array;
 use super::{grids, points};
-use crate::import::grid::Order;
-use crate::import::{Fault, ReadOptions, Visitor};
+use crate::grid::Order;
+use crate::{Fault, ReadOptions, Visitor};
 
 /// Reads points or a grid, by the number of axes.
 pub(super) fn of_any_shape(

@@ -1,7 +1,7 @@
 //! The packets of a scan. Each field is a stream of bits, and each packet holds a piece of every stream.
 
 use super::pages::Pages;
-use crate::import::Fault;
+use crate::Fault;
 
 /// Bytes that streams may be ahead of the slowest one.
 const MAX_AHEAD: usize = 1 << 24;

@@ -1,7 +1,7 @@
 //! The pages of an E57 file: 1020 bytes and their checksum, a CRC-32C with the most significant byte first.
 
-use crate::import::input::bytes_at;
-use crate::import::{Fault, Input};
+use crate::input::bytes_at;
+use crate::{Fault, Input};
 
 /// Bytes of a page.
 pub(super) const PAGE: u64 = 1024;

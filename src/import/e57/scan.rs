@@ -5,8 +5,8 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::packets::{self, Stream};
 use super::pages::Pages;
-use crate::import::input::bytes_at;
-use crate::import::{Fault, Point, Visitor};
+use crate::input::bytes_at;
+use crate::{Fault, Point, Visitor};
 
 /// Fields of a scan.
 const MAX_FIELDS: u64 = 255;

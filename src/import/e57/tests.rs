@@ -6,7 +6,7 @@ use ::e57::{ColorLimits, E57Writer, Quaternion, Record, RecordDataType, RecordVa
 
 use super::pages::{PAGE, checksum};
 use super::*;
-use crate::import::testing::{Seen, seen_with};
+use crate::testing::{Seen, seen_with};
 
 const DOUBLE: RecordDataType = RecordDataType::Double { min: None, max: None };
 const SINGLE: RecordDataType = RecordDataType::Single { min: None, max: None };

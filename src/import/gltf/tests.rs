@@ -486,7 +486,7 @@ fn a_mesh_cannot_be_asked_for_without_end() {
             self.0 += 1;
             Ok(())
         }
-        fn cell(&mut self, _: &crate::geometry::Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
+        fn cell(&mut self, _: &strivec_format::geometry::Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
             Ok(())
         }
         fn progress(&mut self, _: u64, _: u64) -> Result<(), Fault> {

@@ -13,8 +13,8 @@ use laz::LazVlr;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 
 use super::header::{BATCH, Header};
-use crate::import::input::bytes_at;
-use crate::import::{Fault, Input};
+use crate::input::bytes_at;
+use crate::{Fault, Input};
 
 /// Bytes before the data of a variable length record.
 const RECORD_HEADER: u64 = 54;

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use crate::import::error::excerpt;
-use crate::import::input::bytes_at;
-use crate::import::{Fault, Input, LeftOut};
+use crate::error::excerpt;
+use crate::input::bytes_at;
+use crate::{Fault, Input, LeftOut};
 
 /// Points of one read.
 pub(super) const BATCH: u64 = 4096;

@@ -3,8 +3,8 @@ use std::io::Cursor;
 use laz::{LasZipCompressor, LazItemRecordBuilder, LazVlr, LazVlrBuilder};
 
 use super::*;
-use crate::import::LeftOut;
-use crate::import::testing::{Seen, seen_with};
+use crate::LeftOut;
+use crate::testing::{Seen, seen_with};
 
 fn read_of(bytes: &[u8]) -> Result<Seen, Fault> {
     seen_with(bytes, &ReadOptions::default(), read)

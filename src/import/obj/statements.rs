@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::super::error::excerpt;
 use super::super::{Fault, Input, Point, Visitor};
-use crate::color::byte;
+use strivec_format::color::byte;
 
 /// Bytes of one statement: room for a polygon of a million corners.
 const MAX_BYTES: usize = 1 << 24;

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::import::{Fault, Input};
+use crate::{Fault, Input};
 
 /// Bytes of a record.
 const MAX_RECORD: u64 = 1 << 16;

@@ -4,7 +4,7 @@
 //! control byte are the length less 2; if they are 7, a byte follows and is added to the length. The lower five bits
 //! and the next byte are the distance less 1.
 
-use crate::import::{Fault, Input, Visitor};
+use crate::{Fault, Input, Visitor};
 
 /// A copy of 264 bytes takes three bytes.
 pub(super) const MAX_EXPANSION: u64 = 264 / 3;

@@ -116,7 +116,7 @@ impl Packed {
             let share = |shift: u32| f64::from(color >> shift & 255) / 255.0;
             let rgb = [0, 1, 2].map(|axis| {
                 let share = share(24 - 8 * axis as u32);
-                crate::color::byte(if range.len() > 12 { mixed(12 + axis, share) } else { share })
+                strivec_format::color::byte(if range.len() > 12 { mixed(12 + axis, share) } else { share })
             });
             let splat = Splat {
                 center: DVec3::new(mixed(0, x), mixed(1, y), mixed(2, z)),

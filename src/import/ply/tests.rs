@@ -358,7 +358,7 @@ fn a_visitor_can_end_it() {
         fn triangle(&mut self, _: [super::super::Point; 3]) -> Result<(), Fault> {
             Err(Fault::Stopped)
         }
-        fn cell(&mut self, _: &crate::geometry::Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
+        fn cell(&mut self, _: &strivec_format::geometry::Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
             Ok(())
         }
         fn progress(&mut self, _: u64, _: u64) -> Result<(), Fault> {

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use super::super::{Fault, Point, Visitor};
 use super::body::{Body, Place};
 use super::header::{Element, Kind, Scalar};
-use crate::color::byte;
+use strivec_format::color::byte;
 
 /// Names of the three color channels.
 const CHANNELS: [[&str; 3]; 3] =

@@ -13,7 +13,7 @@ pub use records::read as read_records;
 pub use spz::read as read_spz;
 
 use super::{Fault, LeftOut, Point, ReadOptions, Visitor};
-use crate::color::byte;
+use strivec_format::color::byte;
 
 /// Value of the spherical harmonic of degree 0.
 const HARMONIC: f64 = 0.28209479177387814;

@@ -39,8 +39,8 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::LeftOut;
-    use crate::import::testing::seen_with;
+    use crate::LeftOut;
+    use crate::testing::seen_with;
 
     fn record(center: [f32; 3], opacity: u8) -> Vec<u8> {
         let numbers = [center, [0.5, 1.0, 0.0]].concat();

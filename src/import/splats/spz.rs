@@ -196,7 +196,7 @@ mod tests {
     use std::io::Write;
 
     use super::*;
-    use crate::import::testing::seen_with;
+    use crate::testing::seen_with;
 
     fn gzip(bytes: &[u8]) -> Vec<u8> {
         let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());

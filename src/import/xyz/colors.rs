@@ -1,6 +1,6 @@
 //! Colors in columns of numbers, whose range is derived from the numbers.
 
-use crate::import::{Fault, Point, Visitor};
+use crate::{Fault, Point, Visitor};
 
 /// Points that are held until the range is known.
 const JUDGED: usize = 1000;

@@ -1,5 +1,5 @@
 use super::*;
-use crate::import::testing::{Seen, seen_with};
+use crate::testing::{Seen, seen_with};
 
 fn read_of(bytes: &[u8]) -> Result<Seen, Fault> {
     seen_with(bytes, &ReadOptions::default(), read)

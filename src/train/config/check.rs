@@ -1,8 +1,8 @@
 //! Ranges of settings that their types do not express.
 
 use super::{BootstrapOptions, ConfigError, FinishConfig, LeanConfig, ScaleConfig, TrainConfig};
-use crate::geometry::Aabb;
-use crate::model::Sky;
+use strivec_format::geometry::Aabb;
+use strivec_format::model::Sky;
 
 /// The most candidates for a ray of a step.
 const MAX_CANDIDATES: u32 = 16;
@@ -132,7 +132,7 @@ impl ScaleConfig {
 
 impl BootstrapOptions {
     /// Checks that all values are in range.
-    pub(in crate::train) fn check(&self) -> Result<(), ConfigError> {
+    pub(crate) fn check(&self) -> Result<(), ConfigError> {
         let is_fraction = |v: f64| (0.0..1.0).contains(&v);
         let are_steps_valid =
             (1..=4).contains(&self.steps.len()) && !self.steps.contains(&0) && self.total_steps() <= 1 << 30;

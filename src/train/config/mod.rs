@@ -13,9 +13,10 @@ use serde::{Deserialize, Serialize};
 pub use error::ConfigError;
 
 use super::Exposure;
-use crate::geometry::{Aabb, Contraction, Similarity};
-use crate::model::{Aggregation, Coverage, DecoderMode, FactorKind, Form, Reduction, Rules, Sky};
-use crate::prior::{self, CoarseOptions, Unbounded, VoxelBoxes};
+use strivec_capture::prior;
+use strivec_capture::prior::{CoarseOptions, Unbounded, VoxelBoxes};
+use strivec_format::geometry::{Aabb, Contraction, Similarity};
+use strivec_format::model::{Aggregation, Coverage, DecoderMode, FactorKind, Form, Reduction, Rules, Sky};
 
 /// A training run's settings. They have a TOML form, in which every field may be left out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

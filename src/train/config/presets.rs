@@ -3,9 +3,9 @@
 use super::{
     BootstrapOptions, ConfigError, DecoderConfig, FieldConfig, FinishConfig, LeanConfig, ScaleConfig, TrainConfig,
 };
-use crate::model::{DecoderMode, FactorKind, Reduction};
-use crate::prior::{CANONICAL_HALF_EXTENT, CoarseOptions};
-use crate::train::Exposure;
+use crate::Exposure;
+use strivec_capture::prior::{CANONICAL_HALF_EXTENT, CoarseOptions};
+use strivec_format::model::{DecoderMode, FactorKind, Reduction};
 
 /// Steps that the presets' schedules are written for (paper, Implementation).
 const PRESET_STEPS: u64 = 30_000;

@@ -3,9 +3,9 @@
 use glam::{DVec3, UVec3};
 
 use super::{ScaleConfig, TrainConfig};
-use crate::geometry::Lattice;
-use crate::model::{Coverage, DecoderMode, Form, Reduction};
-use crate::prior::{ScaleShape, VoxelBoxes, place_on_boxes};
+use strivec_capture::prior::{ScaleShape, VoxelBoxes, place_on_boxes};
+use strivec_format::geometry::Lattice;
+use strivec_format::model::{Coverage, DecoderMode, Form, Reduction};
 
 #[test]
 fn every_preset_survives_its_own_toml() {

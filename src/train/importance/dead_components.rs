@@ -16,12 +16,12 @@ use std::ops::Range;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::field::{Field, Samples, vectorized};
-use crate::geometry::Ray;
-use crate::model::Scene;
-use crate::random::Random;
-use crate::train::component_mask::ComponentMask;
-use crate::train::{RAYS_PER_CHUNK, RayBatch, RaySampler, TrainError};
+use crate::component_mask::ComponentMask;
+use crate::{RAYS_PER_CHUNK, RayBatch, RaySampler, TrainError};
+use strivec_field::{Field, Samples, vectorized};
+use strivec_format::geometry::Ray;
+use strivec_format::model::Scene;
+use strivec_format::random::Random;
 
 /// The most rays that decide.
 const SELECTION_RAYS: usize = 1 << 18;

@@ -1,11 +1,11 @@
 //! The importance of single factor entries and of whole components, estimated from a scene's own pictures.
 
-use crate::field::{Field, FieldFactors, FieldScale};
-use crate::geometry::Ray;
-use crate::model::Scene;
-use crate::random::Random;
-use crate::train::Backward;
-use crate::train::lean::add_squares;
+use crate::Backward;
+use crate::lean::add_squares;
+use strivec_field::{Field, FieldFactors, FieldScale};
+use strivec_format::geometry::Ray;
+use strivec_format::model::Scene;
+use strivec_format::random::Random;
 
 /// Rays of a batch.
 const RAYS: usize = 8192;

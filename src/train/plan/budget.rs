@@ -4,8 +4,8 @@ use super::{
     cells_of, cost, ending_in, last, listed, scale_plans, shared_parameters, tensor_counts, total,
     without_idle_upsamplings,
 };
-use crate::prior::VoxelBoxes;
-use crate::train::{ConfigError, PrepareError, ScaleConfig, TrainConfig};
+use crate::{ConfigError, PrepareError, ScaleConfig, TrainConfig};
+use strivec_capture::prior::VoxelBoxes;
 
 /// Number of steps of each kind of reduction.
 const STEPS: u32 = 64;

@@ -1,9 +1,9 @@
 //! Bytes of parameters in files and memory, and the time of a step: figures fitted to the runs in `docs/experiments/`.
 
 use super::scale::ScalePlan;
-use crate::model::DecoderMode;
-use crate::train::TrainConfig;
-use crate::train::initial::initial_decoder;
+use crate::TrainConfig;
+use crate::initial::initial_decoder;
+use strivec_format::model::DecoderMode;
 
 /// Bytes of a parameter in a file of 16-bit floating point with zstd. Appearance factors compress as little as random
 /// numbers, and so do density factors at the start of a run; towards the presets' 30 000 steps density factors become

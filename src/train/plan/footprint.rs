@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 
-use crate::geometry::Camera;
-use crate::prior::{self, VoxelBoxes};
-use crate::train::TrainConfig;
+use crate::TrainConfig;
+use strivec_capture::prior;
+use strivec_capture::prior::VoxelBoxes;
+use strivec_format::geometry::Camera;
 
 /// The share of seen cells with smaller pixels than [`Footprints::near_pixel`], so that a few cells close to one camera
 /// do not set the resolution.

@@ -12,9 +12,10 @@ mod scale;
 #[cfg(test)]
 mod tests;
 
-use crate::geometry::Camera;
-use crate::model::Form;
-use crate::prior::{self, ScaleShape, VoxelBoxes};
+use strivec_capture::prior;
+use strivec_capture::prior::{ScaleShape, VoxelBoxes};
+use strivec_format::geometry::Camera;
+use strivec_format::model::Form;
 
 pub use budget::{Budget, fit_to_budget};
 pub use cost::{MachineSpeed, PhotographMemory};

@@ -2,9 +2,10 @@
 
 use super::footprint::Footprints;
 use super::{cells_of, ending_in, finest_cell, last, listed, rounded, without_idle_upsamplings};
-use crate::geometry::Camera;
-use crate::prior::{self, VoxelBoxes};
-use crate::train::{PrepareError, ScaleConfig, TrainConfig};
+use crate::{PrepareError, ScaleConfig, TrainConfig};
+use strivec_capture::prior;
+use strivec_capture::prior::VoxelBoxes;
+use strivec_format::geometry::Camera;
 
 /// Edge of a tensor's cell in pixels at the nearest occupied cells, as in `docs/configs/quarter.toml`, where it was
 /// found by hand.

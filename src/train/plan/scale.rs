@@ -1,6 +1,6 @@
 //! One scale of a plan.
 
-use crate::model::FactorKind;
+use strivec_format::model::FactorKind;
 
 /// One scale of a [`super::Plan`].
 #[derive(Clone, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 use glam::{DVec3, UVec3};
 
 use super::*;
-use crate::geometry::Lattice;
-use crate::train::LeanConfig;
+use crate::LeanConfig;
+use strivec_format::geometry::Lattice;
 
 /// A hollow ball of voxels about `aside`, of radius 1 before `unit`.
 fn shell(unit: f64, aside: DVec3) -> VoxelBoxes {

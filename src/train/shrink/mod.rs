@@ -8,8 +8,8 @@ mod ranks;
 use super::{
     FinishConfig, LeanConfig, ScaleConfig, TrainConfig, TrainError, Trainer, march_step, prune_dead_components,
 };
-use crate::dataset::View;
-use crate::model::{Scale, Scene};
+use strivec_capture::dataset::View;
+use strivec_format::model::{Scale, Scene};
 
 /// Learning rates start at this share of the run's: about where those of a preset end.
 const LEARNING_RATE_SHARE: f64 = 0.25;

@@ -1,6 +1,6 @@
 //! The ranks that all tensors of a scale share.
 
-use crate::model::{Block, Scene};
+use strivec_format::model::{Block, Scene};
 
 /// Lowers the ranks of each scale as far as no nonzero component is lost. Density components may be in any order, so
 /// the rank is the most that a tensor has. Appearance components have their columns in the appearance matrix, so only

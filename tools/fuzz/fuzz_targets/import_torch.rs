@@ -2,6 +2,6 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use strivec::import::torch;
+use strivec::checkpoints::torch;
 
 fuzz_target!(|bytes: &[u8]| strivec_fuzz::import(bytes, torch::read));

@@ -8,7 +8,7 @@ use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedA
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use strivec::interop::{ArrayReader, ArrayWriter, write_arrays};
+use strivec::export::{ArrayReader, ArrayWriter, write_arrays};
 use strivec::model::Scene;
 use strivec::npy::{Element, Number};
 

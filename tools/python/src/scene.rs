@@ -15,7 +15,7 @@ use strivec::container::{
     Views,
 };
 use strivec::field::Field;
-use strivec::interop::Description;
+use strivec::export::Description;
 use strivec::model::Scene;
 
 use crate::arrays::{Dictionary, arrays_of, shaped, vectors};

@@ -14,7 +14,7 @@ macro_rules! fixture {
     };
 }
 
-const PLAIN: &[u8] = include_bytes!("../../../../fixtures/import/gltf/plain.glb");
+const PLAIN: &[u8] = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/import/gltf/plain.glb"));
 const DRACO: [(&str, &[u8]); 3] =
     [fixture!("draco-valence.glb"), fixture!("draco-edgebreaker.glb"), fixture!("draco-sequential.glb")];
 const MESHOPT: [(&str, &[u8]); 3] =

@@ -1,0 +1,58 @@
+//! A dataset as it would be loaded, without its pictures.
+
+use std::path::{Path, PathBuf};
+
+use super::capture::Capture;
+use super::shot::Split;
+use super::{Error, Layout, LoadOptions, NamedCamera, files, photographs};
+use strivec_format::geometry::Aabb;
+
+/// A dataset without its pictures.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Description {
+    /// The dataset's name, which is the folder's.
+    pub name: String,
+    /// Layout of the dataset.
+    pub layout: Layout,
+    /// The cameras of each split that has any.
+    pub splits: Vec<(&'static str, Vec<NamedCamera>)>,
+    /// Number of photographs with a mask.
+    pub masks: usize,
+    /// Number of frames without a pose.
+    pub lost: usize,
+    /// The pictures that do not exist.
+    pub missing: Vec<PathBuf>,
+    /// A file of points on the scene's surfaces, in the dataset's space.
+    pub points: Option<PathBuf>,
+    /// The scene's box in the dataset's space, if its files have one.
+    pub bounds: Option<Aabb>,
+}
+
+/// The dataset in `folder` as it would be loaded, whether or not its pictures exist.
+///
+/// # Errors
+///
+/// The errors of [`load_cameras`](super::load_cameras).
+pub fn describe(folder: &Path, options: &LoadOptions) -> Result<Description, Error> {
+    let layout = options.layout.map_or_else(|| Layout::of(folder), Ok)?;
+    let options = LoadOptions { layout: Some(layout), ..options.clone() };
+    let capture = photographs::capture(folder, "all", &options)?;
+    let mut splits = Vec::new();
+    for name in Split::ALL.map(Split::name) {
+        match capture.split(name, &options.holdout) {
+            Err(Error::Split { .. } | Error::NoFrames { .. } | Error::MissingPictures { .. }) => continue,
+            // Test views that are the validation views are counted once.
+            Ok(shots) if name == "test" && shots[0].split == Some(Split::Validation) => continue,
+            found => found?,
+        };
+        splits.push((name, photographs::cameras(&capture, name, None, &options)?));
+    }
+    if splits.is_empty() {
+        capture.split("all", &options.holdout)?;
+    }
+    let masks = capture.shots.iter().filter(|shot| shot.mask.is_some()).count();
+    let absent = capture.shots.iter().map(|shot| &shot.picture).filter(|picture| !picture.is_file());
+    let missing = capture.left_out.iter().chain(absent).cloned().collect();
+    let Capture { lost, points, bounds, .. } = capture;
+    Ok(Description { name: files::name_of(folder), layout, splits, masks, lost, missing, points, bounds })
+}

@@ -1,0 +1,277 @@
+//! Errors of reading datasets. Each message is one line: the file, the place in it, the valid values and the
+//! value found.
+
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use strivec_import::{Fault, ImportError};
+
+/// The party that must act on an [`Error`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// The system: a file is absent, unreadable or cannot be written.
+    Io,
+    /// The dataset's author: a file has invalid contents.
+    Malformed,
+    /// The caller: an argument is invalid for this dataset.
+    Argument,
+    /// This project: a file exceeds a limit of the reader.
+    Limit,
+}
+
+/// Reasons why a dataset cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file or folder could not be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// Photographs whose pictures do not exist.
+    #[error(
+        "{}: {count} of {of} pictures do not exist, the first is {}; `skip_missing` leaves them out",
+        path.display(), picture.display()
+    )]
+    MissingPictures {
+        /// The file or folder that lists the photographs.
+        path: PathBuf,
+        /// The first picture's path.
+        picture: PathBuf,
+        /// Number of pictures that do not exist.
+        count: usize,
+        /// Number of photographs.
+        of: usize,
+    },
+    /// A file that is not JSON, or JSON of another layout. The source names line and column.
+    #[error("{}: not the JSON of a dataset: {source}", path.display())]
+    Json {
+        /// The JSON file.
+        path: PathBuf,
+        /// The cause, with line and column.
+        source: serde_json::Error,
+    },
+    /// A dataset, or a split of one, without frames.
+    #[error("{}: a dataset must have at least one frame with a pose; found {}", path.display(), frames_without_pose(*lost))]
+    NoFrames {
+        /// The file or folder that lists the photographs.
+        path: PathBuf,
+        /// Frames without a pose.
+        lost: usize,
+    },
+    /// A folder without the files of a layout.
+    #[error("{}: the folder is not a dataset: it has {found}; the layouts are {wanted}", path.display())]
+    Layout {
+        /// The folder.
+        path: PathBuf,
+        /// A layout's files that lack others, or pictures without poses.
+        found: String,
+        /// The layouts with the files that each needs.
+        wanted: String,
+    },
+    /// A file instead of a folder.
+    #[error("{} is a file; pass the folder of the dataset", path.display())]
+    NotAFolder {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A split without its JSON file.
+    #[error("{} does not exist; the splits of this dataset are {}", path.display(), splits.join(", "))]
+    MissingSplit {
+        /// The JSON file of the split.
+        path: PathBuf,
+        /// The splits that exist.
+        splits: Vec<String>,
+    },
+    /// A split that the layout does not have.
+    #[error("{}: the split must be train, test or all; found {found:?}", path.display())]
+    Split {
+        /// The dataset.
+        path: PathBuf,
+        /// The requested split.
+        found: String,
+    },
+    /// A text file with invalid contents.
+    #[error("{}: {place} must be {expected}; found {found}", path.display())]
+    Text {
+        /// The file, or the folder of them.
+        path: PathBuf,
+        /// The key, or the contents of the whole file.
+        place: String,
+        /// The valid values.
+        expected: String,
+        /// The value found.
+        found: String,
+    },
+    /// A `file_path` that does not name a file.
+    #[error("{}: frame {frame}: file_path must be the path of a file; found {found:?}", path.display())]
+    FilePath {
+        /// The JSON file.
+        path: PathBuf,
+        /// Index in `frames`.
+        frame: usize,
+        /// The value found.
+        found: String,
+    },
+    /// A `transform_matrix` that is not a rotation and a translation.
+    #[error("{}: frame {frame}: transform_matrix must be {expected}; found {found}", path.display())]
+    Pose {
+        /// The JSON file.
+        path: PathBuf,
+        /// Index in `frames`.
+        frame: usize,
+        /// The property that the matrix lacks.
+        expected: &'static str,
+        /// The deviation, or the values.
+        found: String,
+    },
+    /// The size of the pictures is in neither the JSON file nor a picture nor the caller's arguments.
+    #[error("{}: the picture size is unknown; add the keys w and h, add a picture, or set `size`", path.display())]
+    UnknownSize {
+        /// The file or folder that lists the photographs.
+        path: PathBuf,
+    },
+    /// A picture that cannot be decoded.
+    #[error("{}: the file must be a PNG, JPEG, WebP or TIFF picture: {found}", path.display())]
+    Picture {
+        /// The picture.
+        path: PathBuf,
+        /// The decoder's error, or the contents found.
+        found: String,
+    },
+    /// A picture whose size differs from the dataset's.
+    #[error(
+        "{}: the picture size must be {}x{} as in {}; found {}x{}",
+        path.display(), expected[0], expected[1], like.display(), found[0], found[1]
+    )]
+    PictureSize {
+        /// The picture.
+        path: PathBuf,
+        /// Columns and rows.
+        expected: [u32; 2],
+        /// The file that defines this size: the first picture or the JSON file.
+        like: PathBuf,
+        /// Columns and rows.
+        found: [u32; 2],
+    },
+    /// A quantity beyond a limit of the reader.
+    #[error("{}: at most {limit} {what} are supported; found {found}", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// The limited quantity, a plural.
+        what: &'static str,
+        /// The limit.
+        limit: u64,
+        /// The quantity found.
+        found: u64,
+    },
+    /// Photographs that take more memory than they may.
+    #[error(
+        "{}: the photographs take {:.1} GB of memory, more than the {:.1} GB of `max_memory`; set `downscale`, or load \
+         fewer with `every`", path.display(), *found as f64 / 1e9, *limit as f64 / 1e9
+    )]
+    Memory {
+        /// The file or folder that lists the photographs.
+        path: PathBuf,
+        /// The most bytes.
+        limit: u64,
+        /// The bytes of the photographs.
+        found: u64,
+    },
+    /// A downscale factor of 0 or one that leaves no pixel.
+    #[error(
+        "{}: `downscale` must be 1 to {}; found {factor}", path.display(), size[0].min(size[1])
+    )]
+    Downscale {
+        /// The JSON file, or the scan's folder.
+        path: PathBuf,
+        /// The factor.
+        factor: u32,
+        /// Columns and rows of the pictures.
+        size: [u32; 2],
+    },
+    /// A selection of views that is empty or out of range.
+    #[error(
+        "{}: views must be a range within 0..{count} with a stride of at least 1; found {}..{} by {every}",
+        path.display(), range.start, range.end
+    )]
+    Views {
+        /// The JSON file, or the scan's folder.
+        path: PathBuf,
+        /// Views of the split.
+        count: usize,
+        /// The requested range.
+        range: Range<usize>,
+        /// The requested stride.
+        every: usize,
+    },
+}
+
+impl Error {
+    /// The party that must act.
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Read { .. } | Self::MissingPictures { .. } | Self::MissingSplit { .. } => {
+                ErrorKind::Io
+            }
+            Self::Json { .. }
+            | Self::NoFrames { .. }
+            | Self::FilePath { .. }
+            | Self::Pose { .. }
+            | Self::UnknownSize { .. }
+            | Self::Picture { .. }
+            | Self::PictureSize { .. }
+            | Self::Layout { .. }
+            | Self::Text { .. } => ErrorKind::Malformed,
+            Self::Downscale { .. } | Self::NotAFolder { .. } | Self::Split { .. } | Self::Views { .. } => {
+                ErrorKind::Argument
+            }
+            Self::TooLarge { .. } | Self::Memory { .. } => ErrorKind::Limit,
+        }
+    }
+
+    /// The error as one of reading the geometry at `path`.
+    pub(crate) fn of_geometry(self, path: &Path) -> ImportError {
+        match self {
+            Self::Read { path, source } => Fault::Io(source).of(&path),
+            Self::Text { path, place, expected, found } => Fault::malformed(place, expected, found).of(&path),
+            Self::TooLarge { path, what, limit, found } => Fault::Limit { what: what.into(), limit, found }.of(&path),
+            other => Fault::invalid("the dataset", other.to_string()).of(path),
+        }
+    }
+
+    /// True if the system failed, not the data.
+    pub fn is_io(&self) -> bool {
+        self.kind() == ErrorKind::Io
+    }
+
+    /// Makes an [`Error::Text`].
+    pub(super) fn text(
+        path: &Path,
+        place: impl Into<String>,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::Text { path: path.to_path_buf(), place: place.into(), expected: expected.into(), found: found.into() }
+    }
+
+    /// Converts an error of reading `path`, for `map_err`.
+    pub(super) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_path_buf();
+        move |source| Self::Read { path, source }
+    }
+}
+
+/// `lost` frames in words.
+fn frames_without_pose(lost: usize) -> String {
+    match lost {
+        0 => "no frames".into(),
+        1 => "1 frame without a pose".into(),
+        lost => format!("{lost} frames without a pose"),
+    }
+}

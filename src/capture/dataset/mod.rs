@@ -1,0 +1,167 @@
+//! Posed photographs. Each layout has a file and returns a `Capture`, which `photographs` makes a [`Dataset`] of.
+//!
+//! In: an untrusted folder of pictures with their camera poses. Out: cameras and colors in the dataset's own space. The
+//! caller maps that space to the model's.
+#![forbid(unsafe_code)]
+
+mod capture;
+mod colmap;
+mod depth;
+mod description;
+mod error;
+#[doc(hidden)]
+pub mod files;
+mod layout;
+mod llff;
+mod metashape;
+mod nsvf;
+mod photographs;
+mod picture;
+mod pixels;
+mod scan;
+mod scannet;
+mod shot;
+mod transforms;
+
+pub use capture::Holdout;
+pub use depth::DepthMap;
+pub use description::{Description, describe};
+pub use error::{Error, ErrorKind};
+pub use layout::Layout;
+pub use photographs::{fitting_downscale, load, load_cameras, load_transforms_cameras, read_distances};
+pub use pixels::Pixels;
+pub use scan::Scan;
+pub use transforms::depth_maps;
+#[doc(hidden)]
+pub use {
+    capture::TEST_EVERY,
+    colmap::model_number,
+    shot::{Focal, Intrinsics, OPENGL_FROM_OPENCV, Split, lens_of},
+};
+
+use std::ops::Range;
+use std::path::PathBuf;
+
+use strivec_format::geometry::{Aabb, Camera};
+
+/// The photographs of one split of a dataset, with their cameras in the dataset's own space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Dataset {
+    /// The dataset's name, which is the folder's.
+    pub name: String,
+    /// The views, at least one.
+    pub views: Vec<View>,
+    /// Number of frames of the split without a pose, which are not among the views.
+    pub lost: usize,
+    /// The pictures that do not exist and that the options, or the layout, leave out.
+    pub left_out: Vec<PathBuf>,
+    /// A file of points on the scene's surfaces, in the dataset's space, such as COLMAP's sparse points.
+    pub points: Option<PathBuf>,
+    /// The scene's box in the dataset's space, if its files have one.
+    pub bounds: Option<Aabb>,
+    /// Depth maps of photographs, of any split.
+    pub depth_maps: Vec<DepthMap>,
+}
+
+impl Dataset {
+    /// The dataset of `views` alone.
+    pub fn new(name: impl Into<String>, views: Vec<View>) -> Self {
+        Self {
+            name: name.into(),
+            views,
+            lost: 0,
+            left_out: Vec::new(),
+            points: None,
+            bounds: None,
+            depth_maps: Vec::new(),
+        }
+    }
+}
+
+/// One photograph.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// The file name without folder and extension, as in `r_0`.
+    pub name: String,
+    /// The camera, of the picture's size.
+    pub camera: Camera,
+    /// The colors of the picture.
+    pub pixels: Pixels,
+    /// \[height\]\[width\] true for the pixels that count: those that no mask covers and that the camera has a ray
+    /// for. `None` if all do.
+    pub mask: Option<Vec<bool>>,
+    /// \[height\]\[width\] the distance along each pixel's ray to what it shows, in the dataset's units; 0 if unknown. Empty
+    /// if none is known.
+    pub distances: Vec<f32>,
+}
+
+impl View {
+    /// A view all of whose pixels count.
+    pub fn new(name: impl Into<String>, camera: Camera, pixels: Pixels) -> Self {
+        Self { name: name.into(), camera, pixels, mask: None, distances: Vec::new() }
+    }
+
+    /// The numbers of the pixels that count, ascending; `None` if all do.
+    pub fn counting(&self) -> Option<Vec<u32>> {
+        let mask = self.mask.as_ref()?;
+        Some((0..).zip(mask).filter(|(_, counts)| **counts).map(|(pixel, _)| pixel).collect())
+    }
+
+    /// True if pixel number `pixel`, row by row from the top left, counts.
+    pub fn counts(&self, pixel: usize) -> bool {
+        self.mask.as_ref().is_none_or(|mask| mask[pixel])
+    }
+}
+
+/// A camera without its photograph.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedCamera {
+    /// The file name without folder and extension, as in `r_0`.
+    pub name: String,
+    /// The camera, of its picture's size.
+    pub camera: Camera,
+}
+
+/// The selection of photographs to load, their size, and where their cameras are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LoadOptions {
+    /// Pictures are made this many times smaller in both directions by averaging blocks of premultiplied colors;
+    /// columns and rows that do not fill a block are dropped. At least 1.
+    pub downscale: u32,
+    /// The range of views in the split; `None`: all.
+    pub views: Option<Range<usize>>,
+    /// The stride in this range: every n-th view is loaded, starting with the first. At least 1.
+    pub every: usize,
+    /// The layout; `None`: the one whose files the folder has.
+    pub layout: Option<Layout>,
+    /// The test views of datasets without splits of their own.
+    pub holdout: Holdout,
+    /// True to leave out photographs whose picture does not exist.
+    pub skip_missing: bool,
+    /// The most bytes of the loaded photographs: 4 per pixel of 8-bit pictures at full size, 16 per pixel of all others.
+    pub max_memory: u64,
+    /// Cameras are turned about the dataset's z axis by so many degrees, counterclockwise seen from above. Points, meshes and
+    /// boxes that come with the dataset are left out unless this is 0.
+    pub turn_degrees: f64,
+}
+
+impl LoadOptions {
+    /// The default of [`LoadOptions::max_memory`].
+    pub const MAX_MEMORY: u64 = 8_000_000_000;
+}
+
+impl Default for LoadOptions {
+    /// All views at full size.
+    fn default() -> Self {
+        Self {
+            downscale: 1,
+            views: None,
+            every: 1,
+            layout: None,
+            holdout: Holdout::default(),
+            skip_missing: false,
+            max_memory: Self::MAX_MEMORY,
+            turn_degrees: 0.0,
+        }
+    }
+}

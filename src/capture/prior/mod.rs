@@ -1,0 +1,48 @@
+//! Geometry priors: occupied space from photographs or files, and the placement of tensors there.
+//!
+//! In: posed photographs ([`coarse`]) or files of geometry ([`build()`]). Out: [`VoxelBoxes`] in the dataset's space,
+//! the map to the model's canonical box ([`canonical_map`]), and tensor clouds without values ([`placement`]), which
+//! training initializes.
+#![forbid(unsafe_code)]
+
+mod alignment;
+mod bounds;
+mod build;
+mod canonical;
+pub mod coarse;
+mod error;
+mod file;
+mod free_space;
+mod holes;
+mod location;
+mod mesh_distances;
+mod morphology;
+mod outliers;
+mod overlap;
+mod overlay;
+pub mod placement;
+mod sparse_voxel_tree;
+mod stereo;
+mod survey;
+mod unbounded;
+mod voxel_boxes;
+mod voxels;
+
+pub use alignment::{AlignmentHint, PriorVisibility, check_alignment};
+pub use bounds::{CameraBounds, frusta_box, inner_box, ray_range};
+pub use build::{BuildOptions, BuildProgress, Built, Counts, build};
+pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};
+pub use coarse::{CoarseOptions, CoarseProgress};
+pub use coarse::{check_views, frusta_within, near_and_far};
+pub use error::{BuildError, Error};
+pub use file::to_npz;
+pub use location::{Location, cells_around, locate, match_points};
+pub use mesh_distances::{MAX_TRIANGLES, mesh_distances};
+pub use outliers::Outliers;
+pub use overlay::{Shading, distance_range, overlay};
+pub use placement::{ScaleShape, place_at, place_on_boxes, place_on_points};
+pub use sparse_voxel_tree::{FirstHit, SparseVoxelTree};
+pub use unbounded::Unbounded;
+pub use voxel_boxes::VoxelBoxes;
+pub use voxels::MAX_CELLS;
+pub use voxels::boxes_of;

@@ -1,0 +1,291 @@
+//! Points on the surfaces that photographs with known poses show, matched from one photograph to others.
+//!
+//! Patches around the pixels of a coarse grid are swept along their rays, on planes that face the camera, and compared
+//! with other photographs by zero-mean normalized cross-correlation (a plane sweep; Gallup et al., "Real-Time
+//! Plane-Sweeping Stereo with Multiple Sweeping Directions", CVPR 2007). A depth counts if one place on the ray is much
+//! more similar than all others, and if the depths found in other photographs agree. From these seeds, planes grow to the
+//! patches beside them, where they may slant (Furukawa and Ponce, "Accurate, Dense, and Robust Multi-View Stereopsis",
+//! CVPR 2007), and must agree again.
+
+mod pair;
+mod plane;
+mod search;
+mod shot;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use self::plane::Plane;
+use self::search::Search;
+use self::shot::{PlaneMap, Shot};
+use super::CameraBounds;
+use crate::dataset::View;
+use strivec_format::geometry::Camera;
+
+/// Photographs that a photograph is compared with, at most.
+const NEIGHBORS: usize = 10;
+/// The sum of how well they see a place from which on another is worth nothing to it.
+const ENOUGH: f64 = 3.0;
+/// The parallax between two photographs that are compared: its least, best and largest angle in radians.
+const PARALLAX: [f64; 3] = [0.03, 0.15, 0.7];
+/// The range of depths, in distances of the cameras from what they look at.
+const RANGE: [f64; 2] = [0.15, 8.0];
+/// The largest depth in a scene without an edge, in the same unit.
+const FAR: f64 = 100.0;
+/// The share of the depth by which two photographs' depths of a point may differ.
+const AGREEMENT: f64 = 0.02;
+/// The photographs that must agree with a depth.
+const MIN_AGREEING: usize = 2;
+
+/// The surfaces that photographs show, where they could be matched.
+#[derive(Debug)]
+pub(super) struct Matches {
+    /// Points on the surfaces.
+    pub(super) points: Vec<DVec3>,
+    /// \[view\]\[height\]\[width\] the distance along each pixel's ray, 0 if unknown; empty for a view without points.
+    pub(super) distances: Vec<Vec<f32>>,
+}
+
+/// The surfaces that `views` show; there may be none. Of more than `most` views, so many are searched. In a scene
+/// that `is_unbounded`, they may be far away; there, distances are known only where photographs resolve them well.
+pub(super) fn matches(views: &[View], most: usize, is_unbounded: bool) -> Matches {
+    let shots: Vec<Shot> = views.par_iter().map(Shot::new).collect();
+    let cameras: Vec<Camera> = shots.iter().map(|shot| shot.camera).collect();
+    let bounds = CameraBounds::from_cameras(cameras.iter());
+    let distance = 2.0 * bounds.near;
+    let range = [RANGE[0], if is_unbounded { FAR } else { RANGE[1] }].map(|share| share * distance);
+    let count = shots.len().min(most);
+    let chosen: Vec<usize> = (0..count).map(|n| n * shots.len() / count).collect();
+    // By chosen view.
+    let search = |&n: &usize| {
+        let others = neighbors(&cameras, n, distance);
+        Search::new(&shots[n], others.into_iter().map(|m| &shots[m]), distance, range)
+    };
+    let searches: Vec<Search> = chosen.par_iter().map(search).collect();
+    // Else nothing is too far for the photographs to resolve its distance.
+    let tolerance = |search: &Search| if is_unbounded { search.tolerance() } else { 0.0 };
+    let agreed = |maps: &[PlaneMap]| -> Vec<PlaneMap> {
+        (0..searches.len()).into_par_iter().map(|n| agreed(&searches, maps, n, tolerance(&searches[n]))).collect()
+    };
+    let seeds = agreed(&searches.par_iter().map(Search::sweep).collect::<Vec<_>>());
+    let maps = agreed(&searches.par_iter().zip(&seeds).map(|(search, seeds)| search.grow(seeds)).collect::<Vec<_>>());
+    let mut distances = vec![Vec::new(); views.len()];
+    let found: Vec<(usize, Vec<f32>)> = (chosen.par_iter().zip(&searches).zip(&maps))
+        .filter(|(_, map)| map.iter().any(Option::is_some))
+        .map(|((&n, search), map)| (n, search.shot.distances(&views[n].camera, map, tolerance(search) / AGREEMENT)))
+        .collect();
+    found.into_iter().for_each(|(n, of_view)| distances[n] = of_view);
+    let points = searches.iter().zip(&maps).flat_map(|(search, map)| search.shot.points(map)).collect();
+    Matches { points, distances }
+}
+
+/// The cameras that see most of what camera `n` sees at `distance`, from directions that differ well; at most
+/// [`NEIGHBORS`]. Each is worth the most to places that those before it do not see well enough.
+fn neighbors(cameras: &[Camera], n: usize, distance: f64) -> Vec<usize> {
+    const SIDE: u32 = 6;
+    let camera = &cameras[n];
+    let places: Vec<DVec3> = (0..SIDE * SIDE)
+        .filter_map(|i| {
+            let share = |i: u32| (f64::from(i) + 0.5) / f64::from(SIDE);
+            camera.ray_through(share(i % SIDE) * f64::from(camera.width), share(i / SIDE) * f64::from(camera.height))
+        })
+        .flat_map(|ray| [0.6, 1.0, 2.0].map(|times| ray.at(times * distance)))
+        .collect();
+    // How well `other` sees each place, 0 to 1.
+    let worths = |other: &Camera| -> Vec<f64> {
+        let of_place = |&place: &DVec3| {
+            let seen = other.project(place).is_some_and(|at| other.is_inside(at));
+            let angle = (camera.position - place).angle_between(other.position - place);
+            let far = (angle / PARALLAX[1]).ln();
+            if seen && (PARALLAX[0]..PARALLAX[2]).contains(&angle) { (-far * far).exp() } else { 0.0 }
+        };
+        places.iter().map(of_place).collect()
+    };
+    let mut others: Vec<(usize, Vec<f64>)> =
+        (0..cameras.len()).filter(|&m| m != n).map(|m| (m, worths(&cameras[m]))).collect();
+    let mut seen = vec![0.0; places.len()];
+    let mut found = Vec::new();
+    while found.len() < NEIGHBORS {
+        let more = |seen: f64, worth: f64| (seen + worth).min(ENOUGH) - seen.min(ENOUGH);
+        let gain = |worths: &[f64]| -> f64 { seen.iter().zip(worths).map(|(&seen, &worth)| more(seen, worth)).sum() };
+        let gains = others.iter().enumerate().map(|(n, (_, worths))| (gain(worths), n));
+        // The first camera of those with equal gains.
+        let best = gains.filter(|(gain, _)| *gain > 0.0).max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
+        let Some((_, best)) = best else { break };
+        let (m, worths) = others.remove(best);
+        seen.iter_mut().zip(&worths).for_each(|(seen, worth)| *seen += worth);
+        found.push(m);
+    }
+    found
+}
+
+/// The planes of photograph `n` that the planes of others agree with, within `tolerance` of 1/depth where that is more than
+/// [`AGREEMENT`] of it.
+fn agreed(searches: &[Search], maps: &[PlaneMap], n: usize, tolerance: f64) -> PlaneMap {
+    let shot = searches[n].shot;
+    let agrees = |place: DVec3, other: &Shot, map: &PlaneMap| {
+        let Some(at) = other.camera.project(place) else { return false };
+        let Some([column, row]) = other.patch_at(at) else { return false };
+        let inverse = 1.0 / (other.camera.position - place).dot(other.camera.world_from_camera.z_axis);
+        let [columns, rows] = other.patches();
+        let mut around = (row.saturating_sub(1)..=(row + 1).min(rows - 1)).flat_map(|row| {
+            (column.saturating_sub(1)..=(column + 1).min(columns - 1)).map(move |column| row * columns + column)
+        });
+        around.any(|patch| {
+            let found = map[patch].map(|plane| plane.moved(at - other.middle(patch)).inverse);
+            found.is_some_and(|found| (found - inverse).abs() < tolerance.max(AGREEMENT * inverse))
+        })
+    };
+    let is_agreed = |patch: usize, plane: &Plane| {
+        let place = shot.place(patch, plane.depth());
+        let others = searches.iter().zip(maps).enumerate().filter(|(m, _)| *m != n);
+        let agreeing = others.filter(|(_, (other, map))| agrees(place, other.shot, map));
+        agreeing.take(MIN_AGREEING).count() == MIN_AGREEING
+    };
+    let planes = maps[n].iter().enumerate();
+    planes.map(|(patch, plane)| plane.filter(|plane| is_agreed(patch, plane))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::Pixels;
+    use strivec_format::geometry::{Distortion, Lens, Projection};
+    use strivec_format::random::Random;
+
+    /// Smooth noise on the plane, of some pixels' period in the pictures below.
+    fn texture(random: &Random, u: f64, v: f64) -> f32 {
+        let corner = |x: f64, y: f64| random.uniform((x.rem_euclid(512.0) * 512.0 + y.rem_euclid(512.0)) as u64);
+        let [x, y] = [u, v].map(f64::floor);
+        let mix = |a: f64, b: f64, t: f64| a + t * t * (3.0 - 2.0 * t) * (b - a);
+        let row = |y: f64| mix(corner(x, y), corner(x + 1.0, y), u - x);
+        mix(row(y), row(y + 1.0), v - y) as f32
+    }
+
+    /// The distance along a ray to a ball of radius 1 or to the wall x = −2, and the color there.
+    fn scene(random: &Random, origin: DVec3, direction: DVec3) -> (f64, f32) {
+        let (half, rest) = (origin.dot(direction), origin.length_squared() - 1.0);
+        let square = half * half - rest;
+        if square > 0.0 {
+            let at = origin + (-half - square.sqrt()) * direction;
+            return (-half - square.sqrt(), texture(random, 12.0 * at.y.atan2(at.x), 12.0 * at.z));
+        }
+        let reach = (-2.0 - origin.x) / direction.x;
+        let at = origin + reach * direction;
+        (reach, if at.y.abs() < 0.8 { 0.5 } else { texture(random, 6.0 * at.y, 6.0 * at.z) })
+    }
+
+    /// The distance along a ray to the floor z = −1, and the color there, which repeats itself where y is above 0. There is
+    /// nothing else.
+    fn floor(random: &Random, origin: DVec3, direction: DVec3) -> (f64, f32) {
+        if direction.z > -0.05 {
+            return (1e3, 0.5);
+        }
+        let reach = (-1.0 - origin.z) / direction.z;
+        let at = 2.0 * (origin + reach * direction);
+        let tile = |v: f64| if at.y > 0.0 { v.rem_euclid(2.0) } else { v };
+        (reach, texture(random, tile(at.x), tile(at.y)))
+    }
+
+    #[test]
+    fn planes_grow_along_slanted_surfaces_and_over_patterns() {
+        let random = Random::new(7, "texture");
+        let views: Vec<View> = (0..9)
+            .map(|n| {
+                let position = DVec3::new(0.05 * f64::from(n % 3), 0.25 * f64::from(n - 4), 0.0);
+                let camera = Camera::looking_at([120, 96], 110.0, position, DVec3::new(4.0, 0.0, -1.0), DVec3::Z);
+                let gray = camera.rays(0..96).map(|ray| ray.unwrap());
+                let gray = gray.map(|ray| [floor(&random, ray.origin, ray.direction).1; 3]);
+                View::new(n.to_string(), camera, Pixels::opaque(gray))
+            })
+            .collect();
+        let Matches { distances, .. } = matches(&views, 100, false);
+        // By sides: pixels of the floor up to 5 away, those with a distance, and those with a right one.
+        let mut counts = [[0; 3]; 2];
+        for (view, distances) in views.iter().zip(&distances) {
+            for (ray, &distance) in view.camera.rays(0..96).map(|ray| ray.unwrap()).zip(distances) {
+                let (exact, _) = floor(&random, ray.origin, ray.direction);
+                if exact < 5.0 {
+                    let [all, known, right] = &mut counts[usize::from(ray.at(exact).y > 0.0)];
+                    *all += 1;
+                    *known += i32::from(distance > 0.0);
+                    *right += i32::from((f64::from(distance) - exact).abs() < 0.02 * exact);
+                }
+            }
+        }
+        println!("{counts:?}");
+        for [all, known, right] in counts {
+            assert!(3 * known > 2 * all && 10 * right > 8 * known, "{counts:?}");
+        }
+    }
+
+    fn views(lens: Lens) -> Vec<View> {
+        let random = Random::new(7, "texture");
+        (0..9)
+            .map(|n| {
+                let angle = 0.12 * (f64::from(n) - 4.0);
+                let position = 4.0 * DVec3::new(angle.cos(), angle.sin(), 0.1 * f64::from(n % 3));
+                let camera = Camera::looking_at([120, 96], 110.0, position, DVec3::ZERO, DVec3::Z);
+                let camera = Camera { lens, ..camera };
+                let gray = camera.rays(0..96).map(|ray| {
+                    let ray = ray.unwrap();
+                    [scene(&random, ray.origin, ray.direction).1; 3]
+                });
+                View::new(n.to_string(), camera, Pixels::opaque(gray))
+            })
+            .collect()
+    }
+
+    fn assert_found(lens: Lens) {
+        let views = views(lens);
+        let Matches { points, distances } = matches(&views, 100, false);
+        let off = |point: &DVec3| (point.length() - 1.0).abs().min((point.x + 2.0).abs());
+        let wrong = points.iter().filter(|point| off(point) > 0.12).count();
+        let on_wall = points.iter().filter(|point| point.x < -1.9).count();
+        println!("{} points, {on_wall} on the wall, {wrong} wrong", points.len());
+        assert!(points.len() > 1500 && on_wall > 300, "{} points, {on_wall} on the wall", points.len());
+        assert!(50 * wrong < points.len(), "{wrong} of {} points are on no surface", points.len());
+        let blank = points.iter().filter(|point| point.x < -1.9 && point.y.abs() < 0.5).count();
+        assert!(blank < 5, "{blank} points where the wall has no texture");
+
+        let random = Random::new(7, "texture");
+        let [mut known, mut off, mut off_next] = [0; 3];
+        for (view, distances) in views.iter().zip(&distances) {
+            for (n, &distance) in distances.iter().enumerate().filter(|(_, distance)| **distance > 0.0) {
+                let [x, y] = [n % 120, n / 120].map(|v| v as u32);
+                let misses = |x: u32| {
+                    let ray = view.camera.ray(x, y).unwrap();
+                    let exact = scene(&random, ray.origin, ray.direction).0;
+                    i32::from((f64::from(distance) - exact).abs() > 0.03 * exact)
+                };
+                known += 1;
+                off += misses(x);
+                off_next += misses((x + 12) % 120);
+            }
+        }
+        println!("{known} distances, {off} wrong, {off_next} of another pixel");
+        assert!(known > 9 * 1500 && 10 * off < known, "{off} of {known} distances are wrong");
+        assert!(off_next > 2 * off, "distances of other pixels show: {off_next}, {off}");
+    }
+
+    #[test]
+    fn points_lie_on_textured_surfaces() {
+        assert_found(Lens::PINHOLE);
+    }
+
+    #[test]
+    fn a_lens_changes_nothing() {
+        let distortion = Distortion::new([0.08, -0.02, 0.0, 0.0], [0.0; 3], [0.0; 2], [0.0; 2]).unwrap();
+        assert_found(Lens { projection: Projection::Perspective, distortion });
+    }
+
+    #[test]
+    fn photographs_from_one_place_have_no_points() {
+        let mut views = views(Lens::PINHOLE);
+        let position = views[0].camera.position;
+        views.iter_mut().for_each(|view| view.camera.position = position);
+        assert_eq!(matches(&views, 100, false).points, []);
+        assert_eq!(matches(&views[..1], 100, false).points, []);
+        assert_eq!(matches(&[], 100, false).points, []);
+    }
+}

@@ -1,0 +1,60 @@
+//! Errors of exports.
+
+use std::io;
+use std::ops::RangeInclusive;
+
+/// Why a scene was not exported.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A setting is out of its range.
+    #[error("`{field}` is {found}; expected {expected}")]
+    Setting {
+        /// The setting.
+        field: &'static str,
+        /// The allowed values.
+        expected: String,
+        /// The value.
+        found: String,
+    },
+    /// The scene has nothing to export.
+    #[error("{what}; {instead}")]
+    Empty {
+        /// The missing part, as a clause.
+        what: String,
+        /// A remedy, as an imperative.
+        instead: &'static str,
+    },
+    /// The result would be too large.
+    #[error("{what}: at most {limit} are exported, found {found}; set a smaller `resolution`")]
+    TooLarge {
+        /// The counted things.
+        what: &'static str,
+        /// The limit.
+        limit: u64,
+        /// The count at which the export ended.
+        found: u64,
+    },
+    /// The scene cannot be a checkpoint.
+    #[error(transparent)]
+    Checkpoint(#[from] strivec_checkpoints::Error),
+    /// The file cannot be written.
+    #[error("cannot write it: {0}")]
+    Io(#[from] io::Error),
+}
+
+impl Error {
+    /// Fails unless the setting `field` is in `range`.
+    pub(super) fn unless_setting(field: &'static str, range: RangeInclusive<u32>, found: u32) -> Result<(), Self> {
+        if range.contains(&found) {
+            return Ok(());
+        }
+        let expected = format!("{} to {}", range.start(), range.end());
+        Err(Self::Setting { field, expected, found: found.to_string() })
+    }
+
+    /// Fails unless `found` of `what` are at most `limit`.
+    pub(super) fn unless_within(what: &'static str, limit: u64, found: u64) -> Result<(), Self> {
+        if found <= limit { Ok(()) } else { Err(Self::TooLarge { what, limit, found }) }
+    }
+}

@@ -1,0 +1,37 @@
+//! A scene as other programs' files: meshes, point clouds, splats, grids, arrays and checkpoints; and checkpoints of TensoRF
+//! ([`tensorf`]) and of the Strivec authors' program ([`authors`]) as scenes.
+//!
+//! In: a [`strivec_format::model::Scene`]. Out: a [`Mesh`] of its surface, and writers of bytes. Coordinates are in the space of the
+//! dataset's cameras or in model space ([`Space`]). The field is queried at points alone, so nothing here depends on how
+//! factors are held.
+
+mod cube;
+mod description;
+mod dvgo;
+mod error;
+mod factors;
+mod glb;
+mod layers;
+mod marching;
+mod mesh;
+mod obj;
+mod occupancy;
+mod ply;
+mod sampling;
+mod shading;
+mod space;
+mod splats;
+mod surface;
+
+pub use description::{ArrayReader, Description};
+pub use dvgo::{DvgoOptions, dvgo_checkpoint};
+pub use error::Error;
+pub use factors::{ArrayWriter, block_name, write_arrays, write_factors};
+pub use glb::write_glb;
+pub use mesh::Mesh;
+pub use obj::write_obj;
+pub use occupancy::{OccupancyGrid, OccupancyOptions, write_occupancy};
+pub use ply::write_ply;
+pub use space::Space;
+pub use splats::write_splats;
+pub use surface::{SurfaceOptions, surface};

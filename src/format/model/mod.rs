@@ -1,0 +1,31 @@
+//! The trained scene: plain data, its invariants ([`Scene::check`]), and the f64 [`ReferenceField`] that defines every
+//! number an implementation must reproduce. The files are named after the sections of the file format.
+
+mod decoder;
+mod error;
+mod factors;
+mod field;
+mod frame;
+mod matrix;
+mod occupancy;
+mod provenance;
+mod rules;
+mod scale;
+mod scene;
+mod sky;
+mod tensor_cloud;
+
+pub use decoder::{Decoder, DecoderMode, Linear};
+pub use error::BrokenInvariant;
+pub use factors::{Block, FactorKind, Factors, Form};
+pub use field::{DensityAt, MARGIN_HORIZON, Neighbor, Point, ReferenceField, alpha, sigmoid, softplus};
+pub use frame::{ColorSpace, Frame, UpAxis};
+pub use matrix::AppearanceMatrix;
+pub use occupancy::Occupancy;
+pub use provenance::Provenance;
+pub use rules::{Aggregation, Coverage, MAX_STEPS, Reduction, Rules};
+pub use scale::{MAX_TOP_K, Scale};
+pub use scene::Scene;
+pub use sky::SKY_NORMS;
+pub use sky::Sky;
+pub use tensor_cloud::{Placement, TensorCloud};

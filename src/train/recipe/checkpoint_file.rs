@@ -1,0 +1,89 @@
+//! The file with which an interrupted training resumes.
+
+use std::path::{Path, PathBuf};
+
+use super::atomic_file::{FileError, beside, check_output, remove_file, write_atomically};
+use super::{Error, Observer};
+use crate::{Checkpoint, Trainer};
+use strivec_format::container;
+use strivec_format::container::{EncodeOptions, Encoding};
+use strivec_format::model::Scene;
+
+/// The checkpoint file of a training. It is written when the training is interrupted, and removed when its scene is
+/// written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CheckpointFile {
+    /// The file.
+    pub path: PathBuf,
+    /// Steps between two checkpoints; `None` writes one only when the training is interrupted.
+    pub every: Option<u64>,
+}
+
+impl CheckpointFile {
+    /// The file `path`, written only when the training is interrupted.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Self { path: path.into(), every: None }
+    }
+
+    /// The file `OUTPUT.state` beside the scene file `output`.
+    pub fn beside(output: &Path) -> Self {
+        Self::new(beside(output, ".state"))
+    }
+
+    /// Checks, before any work is done, that a new training may use this file.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError::CheckpointExists`] if an interrupted run left one, unless `force`; else as [`check_output`].
+    pub fn check_new(&self, force: bool) -> Result<(), FileError> {
+        if self.path.exists() && !force {
+            return Err(FileError::CheckpointExists { path: self.path.clone() });
+        }
+        check_output(&self.path, force)
+    }
+
+    /// The checkpoint and its scene.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::File`] if it cannot be read, [`Error::Checkpoint`] and [`Error::CheckpointScene`] if it is damaged.
+    pub fn read(&self) -> Result<(Checkpoint, Scene), Error> {
+        let path = &self.path;
+        let bytes = std::fs::read(path).map_err(FileError::io("read", path))?;
+        let (checkpoint, scene) =
+            Checkpoint::from_bytes(&bytes).map_err(|source| Error::Checkpoint { path: path.clone(), source })?;
+        let scene =
+            container::decode(&scene).map_err(|source| Error::CheckpointScene { path: path.clone(), source })?;
+        Ok((checkpoint, scene))
+    }
+
+    /// Writes the checkpoint of `trainer`, atomically.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Encode`] and [`Error::File`].
+    pub fn write(&self, trainer: &Trainer<'_>) -> Result<(), Error> {
+        // 32-bit factors, so that the resumed run is byte-identical; weak compression, because it is fast.
+        let options = EncodeOptions { zstd_level: Some(1), ..EncodeOptions::uniform(Encoding::F32) };
+        let scene = container::encode(&trainer.unrounded_scene(), &options)?;
+        Ok(write_atomically(&self.path, &trainer.checkpoint().to_bytes(&scene), true)?)
+    }
+
+    /// Removes the file of a finished run.
+    ///
+    /// # Errors
+    ///
+    /// [`FileError::Io`].
+    pub fn remove(&self) -> Result<(), FileError> {
+        remove_file(&self.path)
+    }
+
+    /// Writes the checkpoint of `trainer` after a step if it is due, or if the run `stops`.
+    pub(super) fn follow(&self, trainer: &Trainer<'_>, stops: bool, observer: &mut dyn Observer) -> Result<(), Error> {
+        if stops || self.every.is_some_and(|every| trainer.steps_done().is_multiple_of(every)) {
+            self.write(trainer)?;
+            observer.checkpoint(&self.path);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,8 @@
+//! Tests of export: one program, so that the crates are linked once.
+
+mod checkpoints;
+#[path = "../data/mod.rs"]
+mod data;
+mod formats;
+#[path = "../scenes/mod.rs"]
+mod scenes;
