@@ -47,8 +47,8 @@ pub(super) fn write_llff(out: &Path, photographs: &[Photograph], points: &[Point
     })
 }
 
-/// A matrix [3][5], its columns the axes down, right and back, the position, and height, width and focal length; near and
-/// far.
+/// A matrix \[3\]\[5\], its columns the axes down, right and back, the position, and height, width and focal length;
+/// near and far.
 fn row(camera: &Camera, points: &[Point]) -> Vec<f64> {
     let [right, up, back] =
         [camera.world_from_camera.x_axis, camera.world_from_camera.y_axis, camera.world_from_camera.z_axis];

@@ -75,8 +75,8 @@ pub(super) fn add_squares<T: Real>(rises: &mut [f64], factors: &[T], gradients: 
 }
 
 /// The factor of squared derivatives of the loss that makes them relative rises of the mean squared error: with N rays
-/// and random signs of the errors, E[g²] = 4·E/(3N)·(mean squared derivative of a channel). E is the mean over rays of the
-/// squared error times the square of the ray's weight: `weighted`.
+/// and random signs of the errors, E\[g²\] = 4·E/(3N)·(mean squared derivative of a channel). E is the mean over rays
+/// of the squared error times the square of the ray's weight: `weighted`.
 pub(super) fn square_weight(mean_squared_error: f64, weighted: f64, rays: usize) -> f64 {
     0.75 * rays as f64 / (mean_squared_error * weighted).max(f64::MIN_POSITIVE)
 }

@@ -1,4 +1,4 @@
-//! The `.strivec` file: [`encode`] turns a [`Scene`](crate::model::Scene) into bytes, [`decode`] turns bytes into a
+//! The `.strivec` file: [`encode()`] turns a [`Scene`](crate::model::Scene) into bytes, [`decode`] turns bytes into a
 //! scene, [`sections`] lists the sections of a file. `format-spec/v1.md` is normative; the files here are named after
 //! its sections.
 //!

@@ -1,8 +1,8 @@
 //! Training a scene for a file of a given size.
 //!
-//! The steps of components come from the search of [`super::search`], for a file a little larger than the goal. Then the
-//! scene is trained with rounded factors, at last with rounded matrices and decoder too, and what a bit costs in the loss
-//! is steered so that the file reaches its goal.
+//! The steps of components come from the search of [`mod@super::search`], for a file a little larger than the goal.
+//! Then the scene is trained with rounded factors, at last with rounded matrices and decoder too, and what a bit costs
+//! in the loss is steered so that the file reaches its goal.
 
 use super::lossy::options_of;
 use super::{Candidate, Distortion, Goal, search};

@@ -39,7 +39,7 @@ pub struct Candidate {
     pub first_scale: Range<u64>,
     /// The mean squared error of the pictures of `decoded`.
     pub error: f64,
-    /// The loss of [`lossy`] that it comes from; 0 if it comes from another encoding.
+    /// The loss of [`lossy()`] that it comes from; 0 if it comes from another encoding.
     pub loss: f64,
 }
 
