@@ -1,38 +1,41 @@
-//! Trains a scene on a folder of posed photographs and writes it as `.strivec`.
+//! Trains a scene on a folder of posed photographs, as `strivec train` does, and writes it as `.strivec`.
 //!
 //!     cargo run --release -- synth photographs --views 20 --size 64x64
-//!     cargo run --release --example train_folder -- photographs scene.strivec 500
+//!     cargo run --release --example train_folder -- photographs scene.strivec
+//!
+//! The third argument is a file of settings, as `strivec train --print-config` prints them.
 
 use std::error::Error;
-use std::ops::ControlFlow;
 use std::path::Path;
 
-use strivec::container::{self, EncodeOptions, Encoding};
-use strivec::dataset::{self, LoadOptions};
-use strivec::train::{TrainConfig, Trainer, place_scene, reconstruct_prior};
+use strivec::recipe::{Observer, ObserverError, Photographs, Recipe};
+use strivec::train::{StepReport, TrainConfig, Trainer};
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let usage = "usage: train_folder DATASET FILE STEPS";
-    let mut arguments = std::env::args().skip(1);
-    let folder = arguments.next().ok_or(usage)?;
-    let output = arguments.next().ok_or(usage)?;
-    let steps: u64 = arguments.next().ok_or(usage)?.parse()?;
-
-    let dataset = dataset::load(Path::new(&folder), "train", &LoadOptions::default())?;
-    let config = TrainConfig { batch_rays: 512, ..TrainConfig::preset("per-ray")?.with_steps(steps) };
-
-    // Where the scene is: a coarse reconstruction from the photographs (paper 3.3).
-    let occupied = reconstruct_prior(&config, &dataset, &mut |_| ControlFlow::Continue(()))?;
-    println!("{} occupied voxels", occupied.cells.len());
-
-    let scene = place_scene(&config, &dataset, &occupied)?;
-    let mut trainer = Trainer::new(config, scene, &dataset.views)?;
-    while trainer.steps_done() < steps {
-        let report = trainer.step()?;
-        if trainer.steps_done() % 100 == 0 {
-            println!("step {}: mean squared error {:.5}", trainer.steps_done(), report.mean_squared_error);
-        }
-    }
-    std::fs::write(output, container::encode(&trainer.scene(), &EncodeOptions::uniform(Encoding::F16))?)?;
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [folder, output, settings @ ..] = arguments.as_slice() else {
+        return Err("usage: train_folder DATASET FILE [SETTINGS.toml]".into());
+    };
+    let settings = settings.first().map_or(Ok(String::new()), std::fs::read_to_string)?;
+    let recipe = Recipe::new(TrainConfig::from_toml(&settings, None)?);
+    let trained = recipe.train_folder(Path::new(folder), &Photographs::default(), &mut Print)?;
+    trained.write(Path::new(output), false, &mut Print)?;
+    println!("{} parameters, {} bytes", trained.scene.nonzero_parameter_count(), trained.bytes.len());
     Ok(())
+}
+
+/// Prints messages, and the error of every hundredth step.
+struct Print;
+
+impl Observer for Print {
+    fn message(&mut self, text: &str) {
+        println!("{text}");
+    }
+
+    fn step(&mut self, _: &Trainer<'_>, report: &StepReport) -> Result<(), ObserverError> {
+        if report.step.is_multiple_of(100) {
+            println!("step {}: mean squared error {:.5}", report.step, report.mean_squared_error);
+        }
+        Ok(())
+    }
 }

@@ -50,18 +50,51 @@ fn render_picture_writes_a_png() {
     assert!(picture.pixels().any(|pixel| pixel != picture.get_pixel(0, 0)), "one color everywhere");
 }
 
+/// Settings for seconds.
+const SETTINGS: &str = "
+preset = \"fast\"
+batch_rays = 128
+upsample_at = [40]
+occupancy_at = [40, 80]
+steps = 100
+[prior]
+voxels = 60000
+steps = [100, 150]
+rays = 512
+[[scales]]
+pitch = [0.4, 0.4, 0.4]
+edge = [0.6, 0.6, 0.6]
+resolutions = [[7, 7, 7], [10, 10, 10]]
+density_rank = 8
+appearance_rank = 8
+top_k = 2
+[finish]
+from = 1.0
+";
+
+/// A transparent background has a coarse reconstruction, and an opaque room matched points, a background and viewpoints.
 #[test]
-fn train_folder_writes_a_scene() {
-    let folder = tempfile::tempdir().unwrap();
-    let (photographs, scene) = (folder.path().join("photographs"), folder.path().join("scene.strivec"));
-    let synth = Command::new(env!("CARGO_BIN_EXE_strivec"))
-        .args(["synth".as_ref(), photographs.as_path()])
-        .args(["--views", "8", "--test-views", "1", "--size", "24x24", "--quiet"])
-        .status();
-    assert!(synth.unwrap().success());
-    let printed = run("train_folder", &[&photographs, &scene, "100".as_ref()]);
-    assert!(printed.contains("step 100: mean squared error"), "{printed}");
-    strivec_format::container::decode(&std::fs::read(scene).unwrap()).unwrap().check().unwrap();
+fn train_folder_writes_the_bytes_of_the_command() {
+    let temporary = tempfile::tempdir().unwrap();
+    let folder = temporary.path();
+    let strivec = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_strivec"));
+        let output = command.current_dir(folder).args(arguments).arg("--quiet").output().unwrap();
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    let settings = folder.join("settings.toml");
+    std::fs::write(&settings, SETTINGS).unwrap();
+    strivec(&["synth", "object", "--views", "8", "--test-views", "1", "--size", "24x24"]);
+    strivec(&["synth", "room", "--room", "--views", "10", "--test-views", "1", "--size", "48x48"]);
+    for (dataset, said) in [("object", "photographs to train on"), ("room", "matching:")] {
+        let [of_example, of_command] = ["example", "command"].map(|name| format!("{dataset}-{name}.strivec"));
+        let printed = run("train_folder", &[&folder.join(dataset), &folder.join(&of_example), &settings]);
+        assert!(printed.contains("step 100: mean squared error") && printed.contains(said), "{printed}");
+        strivec(&["train", dataset, "-o", &of_command, "--config", "settings.toml"]);
+        let [example, command] = [of_example, of_command].map(|name| std::fs::read(folder.join(name)).unwrap());
+        assert!(example == command, "{dataset}: the files differ");
+        strivec_format::container::decode(&example).unwrap().check().unwrap();
+    }
 }
 
 #[test]
