@@ -235,7 +235,7 @@ fn cameras_are_drawn_with_their_lens_and_without_it_on_request() {
     assert_eq!(draw(0.5, &["--undistort"]), pinhole, "it is gone");
 }
 
-/// Needs an adapter, as `tests/gpu.rs` does.
+/// Needs an adapter, as `tests/field/gpu.rs` does.
 #[test]
 #[cfg(feature = "gpu")]
 fn the_graphics_renderer_draws_what_the_processor_does_and_says_on_what() {

@@ -1,5 +1,5 @@
 //! The error distributions of `docs/numerics.md`: every renderer, decoder mode and precision on the same scenes of
-//! random tensors. `cargo test --release --features player --test extremes distributions -- --nocapture` prints them.
+//! random tensors. `cargo test --release -p strivec-train --test extremes distributions -- --nocapture` prints them.
 
 use glam::DVec3;
 use strivec_format::geometry::Ray;

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Print the SSIM of two made-up pictures, those of tests/measure.rs, as the programs compute it that papers use.
+"""Print the SSIM of two made-up pictures, those of tests/measure/pictures.rs, as the programs compute it that papers use.
 
     pip install numpy scipy scikit-image torch torchmetrics tensorflow-cpu
     python3 tools/measure/ssim.py

@@ -1,6 +1,6 @@
 //! Valid files with changes and correct checksums, so that fuzzing reaches the code behind the checksums.
 
-#[path = "../../../tests/container/surgery.rs"]
+#[path = "../../../tests/format/surgery.rs"]
 #[allow(dead_code, reason = "a part is used")]
 mod surgery;
 
