@@ -26,7 +26,7 @@ impl Inputs {
         Ok(match (self.bootstrap, self.files.is_empty()) {
             (true, _) => Prior::Bootstrap,
             (false, true) => Prior::Photographs,
-            (false, false) => Prior::Files { files: self.files.clone(), options: self.shaping.options()? },
+            (false, false) => Prior::Files { files: self.files.clone(), options: Box::new(self.shaping.options()?) },
         })
     }
 }

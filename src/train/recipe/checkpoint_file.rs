@@ -52,8 +52,8 @@ impl CheckpointFile {
         let bytes = std::fs::read(path).map_err(FileError::io("read", path))?;
         let (checkpoint, scene) =
             Checkpoint::from_bytes(&bytes).map_err(|source| Error::Checkpoint { path: path.clone(), source })?;
-        let scene =
-            container::decode(&scene).map_err(|source| Error::CheckpointScene { path: path.clone(), source })?;
+        let scene = container::decode(&scene)
+            .map_err(|source| Error::CheckpointScene { path: path.clone(), source: Box::new(source) })?;
         Ok((checkpoint, scene))
     }
 

@@ -48,7 +48,7 @@ pub enum Error {
         /// The checkpoint.
         path: PathBuf,
         /// The damage.
-        source: container::Error,
+        source: Box<container::Error>,
     },
     /// No encoding of the scene is small enough to begin training for the size.
     #[error("a file of {} bytes is too small; the smallest has about {} bytes", grouped(*limit), grouped(*smallest))]

@@ -32,7 +32,7 @@ pub enum Prior {
         /// The files, which are joined; at least one.
         files: Vec<PathBuf>,
         /// How occupied cells are made of them.
-        options: BuildOptions,
+        options: Box<BuildOptions>,
     },
 }
 

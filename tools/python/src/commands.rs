@@ -2,22 +2,14 @@
 
 use std::ffi::OsString;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Sender, channel};
+use std::sync::mpsc::Sender;
 
 use pyo3::prelude::*;
 use strivec::cli::{self, Call, Host};
 use strivec::train::TrainConfig;
 
 use crate::errors::Failure;
-use crate::work::{caught, next, spawn};
-
-/// Messages from the thread of a command.
-enum Event {
-    Message(String),
-    Progress { task: String, done: u64, total: u64, detail: String },
-    End(Result<Vec<String>, Failure>),
-}
+use crate::following::{Event, followed};
 
 /// Passes on the messages and the progress of a command.
 struct Sending(Sender<Event>);
@@ -34,9 +26,8 @@ impl Host for Sending {
     }
 }
 
-/// Runs a command of `strivec`, or of `strivec-pack` if `packs`, on a thread of its own. `listener` is called with a message, or
-/// with task, done, total and detail. Ctrl-C and an exception of `listener` end the command as Ctrl-C ends it in a terminal, and
-/// raise after it has kept what is done; a second Ctrl-C raises at once. Returns the texts of the results.
+/// Runs a command of `strivec`, or of `strivec-pack` if `packs`, on a thread of its own, as [`followed`] says. Returns the
+/// texts of the results.
 #[pyfunction]
 pub(crate) fn command(
     py: Python<'_>,
@@ -44,43 +35,11 @@ pub(crate) fn command(
     arguments: Vec<OsString>,
     listener: Option<Bound<'_, PyAny>>,
 ) -> PyResult<Vec<String>> {
-    let (sender, mut receiver) = channel();
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let call = Call { host: Arc::new(Sending(sender.clone())), interrupted: Arc::clone(&interrupted) };
-    spawn(move || {
+    followed(py, listener, move |sender, interrupted| {
+        let call = Call { host: Arc::new(Sending(sender)), interrupted };
         let run = if packs { cli::pack::call } else { cli::call };
-        let _ = sender.send(Event::End(caught(|| Ok(run(&arguments, &call)?))));
-    })?;
-    let mut raised: Option<PyErr> = None;
-    let told = |event: &Event| match (&listener, event) {
-        (None, _) | (_, Event::End(_)) => Ok(()),
-        (Some(listener), Event::Message(text)) => listener.call1((text,)).map(drop),
-        (Some(listener), Event::Progress { task, done, total, detail }) => {
-            listener.call1((task, done, total, detail)).map(drop)
-        }
-    };
-    loop {
-        let mut result = py.check_signals();
-        if let (Some(_), Err(again)) = (&raised, &result) {
-            return Err(again.clone_ref(py));
-        }
-        if let Some(event) = next(py, &mut receiver)? {
-            if result.is_ok() && raised.is_none() {
-                result = told(&event);
-            }
-            if let Event::End(end) = event {
-                result?;
-                return match raised {
-                    Some(raised) => Err(raised),
-                    None => Ok(end?),
-                };
-            }
-        }
-        if let Err(error) = result {
-            interrupted.store(true, Ordering::SeqCst);
-            raised.get_or_insert(error);
-        }
-    }
+        Ok(run(&arguments, &call)?)
+    })
 }
 
 /// The settings of `preset`, or of TOML that names one, as JSON.

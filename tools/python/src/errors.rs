@@ -6,6 +6,7 @@ use std::path::Path;
 use pyo3::prelude::*;
 use strivec::cli;
 use strivec::container;
+use strivec::recipe;
 
 /// An exception before it is one: its class, its sentence, and the lines of a file or of a program's log that show the fault.
 #[derive(Debug)]
@@ -57,6 +58,20 @@ impl From<cli::Error> for Failure {
             cli::Error::Runtime(_) => "RunError",
         };
         Self::new(class, error.to_string())
+    }
+}
+
+impl From<recipe::Error> for Failure {
+    /// The class is that of the command's error; the message names settings, not flags.
+    fn from(error: recipe::Error) -> Self {
+        let message = error.to_string();
+        Self { message, ..cli::Error::from(error).into() }
+    }
+}
+
+impl From<recipe::FileError> for Failure {
+    fn from(error: recipe::FileError) -> Self {
+        recipe::Error::from(error).into()
     }
 }
 

@@ -1,11 +1,13 @@
 //! The native half of the Python package `strivec`; `strivec/_strivec.pyi` describes it. It keeps to what Python cannot do:
-//! scenes and their arrays, queries and pictures, and the commands. All else is Python's.
+//! scenes and their arrays, queries and pictures, training, and the commands. All else is Python's.
 
 mod arrays;
 mod commands;
 mod errors;
+mod following;
 mod renderer;
 mod scene;
+mod train;
 mod work;
 
 /// The module `strivec._strivec`.
@@ -19,6 +21,8 @@ mod _strivec {
     use super::renderer::NativeRenderer;
     #[pymodule_export]
     use super::scene::NativeScene;
+    #[pymodule_export]
+    use super::train::train;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

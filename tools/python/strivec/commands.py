@@ -1,8 +1,8 @@
-"""The commands of `strivec` and `strivec-pack` as functions.
+"""Training, and the other commands of `strivec` and `strivec-pack` as functions.
 
-Arguments of a command come first, and options follow by name: `max_size="2MB"` is `--max-size 2MB`, `prune=True` is `--prune`,
-and a list repeats an option. Results are those of `--json`. `help(strivec.train)` names the usual options, and `strivec train --help`
-all.
+`train` calls the library. The other functions are commands: arguments of a command come first, and options follow by name: `max_size="2MB"` is `--max-size 2MB`, `prune=True` is `--prune`,
+and a list repeats an option. Results are those of `--json`. `help(strivec.pack)` names the usual options, and `strivec-pack pack
+--help` all.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import json
 import os
 import tempfile
 from dataclasses import dataclass
-from typing import Any, Callable, Dict, List, Mapping, Optional, Union
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Union
 
 from . import _strivec
 from .scene import Path, Scene
@@ -50,16 +50,23 @@ def command(
     if program not in ("strivec", "strivec-pack"):
         raise ValueError(f'program must be "strivec" or "strivec-pack"; found {program!r}')
 
-    def listener(*event: Any) -> None:
-        assert callback is not None
-        callback(Message(*event) if len(event) == 1 else Progress(*event))
-
     arguments = [_argument(word) for word in words]
     for name, value in options.items():
         arguments += _option("--" + name.replace("_", "-"), value)
-    results = _strivec.command(program == "strivec-pack", arguments, listener if callback else None)
+    results = _strivec.command(program == "strivec-pack", arguments, _listener(callback))
     parsed = [_parsed(text) for text in results]
     return parsed[0] if len(parsed) == 1 else parsed or None
+
+
+def _listener(callback: Optional[Callback]) -> Optional[Callable[..., None]]:
+    """The function that the native half calls."""
+    if callback is None:
+        return None
+
+    def listener(*event: Any) -> None:
+        callback(Message(*event) if len(event) == 1 else Progress(*event))
+
+    return listener
 
 
 def _word(word: Any) -> str:
@@ -120,20 +127,81 @@ def train(
     preset: Optional[str] = None,
     settings: Optional[Settings] = None,
     callback: Optional[Callback] = None,
-    **options: Any,
+    *,
+    steps: Optional[int] = None,
+    prior: Union[Path, Sequence[Path]] = (),
+    prior_options: Optional[Mapping[str, Any]] = None,
+    bootstrap: bool = False,
+    auto: bool = False,
+    max_params: Optional[int] = None,
+    max_size: Union[None, int, str] = None,
+    downscale: Optional[int] = None,
+    every: int = 1,
+    skip_missing: bool = False,
+    max_memory: Union[None, int, str] = None,
+    checkpoint: Optional[Path] = None,
+    checkpoint_every: Optional[int] = None,
+    resume: bool = False,
+    keep_dead: bool = False,
+    encoding: str = "f16",
+    force: bool = False,
+    **overrides: Any,
 ) -> Dict[str, Any]:
-    """Trains a scene on the photographs of `dataset` and writes the file `output`; returns its size, parameters, steps and seconds.
+    """Trains a scene on the photographs of `dataset` and writes the file `output`, to the same bytes as `strivec train`; returns its
+    size, parameters, steps and seconds.
 
-    `settings` are those of `settings()`. Usual options: steps, batch, downscale, seed, max_size="2MB", prior=["mesh.ply"], resume=True,
-    checkpoint_every=1000, force=True (to overwrite).
+    `settings` are those of `settings()`; `preset` replaces their preset, scales and decoder. Every other name is a setting, as in
+    `batch_rays=1024, seed=1, prune=True`. `steps` scales the whole schedule.
+
+    prior: geometry files of the dataset's space. prior_options: voxel, thickness, min_points, close, dilate; `prior()` has more.
+    bootstrap: find the scene with eight coarse tensors. auto: derive tensors from the photographs' detail. max_params, max_size: the
+    most parameters, and bytes as a number or as "2MB". downscale, every, skip_missing, max_memory: the photographs. checkpoint: the file
+    of an unfinished run, by default `output` + ".state"; resume: continue from it. keep_dead: keep components that no ray uses.
+    encoding: "f16" or "f32". force: overwrite.
+
+    `callback` is told of messages and of progress; what it raises, and Ctrl-C, end the training after it has kept a checkpoint.
     """
-    return _with_settings(
-        settings, command, "train", dataset, output=output, preset=preset, callback=callback, **options
-    )
+    if encoding not in ("f16", "f32"):
+        raise ValueError(f'encoding must be "f16" or "f32"; found {encoding!r}')
+    if settings is None or preset is not None:
+        toml = "" if settings is None else settings_toml(settings)
+        settings = json.loads(_strivec.settings_of_toml(toml, preset))
+    files = [prior] if isinstance(prior, (str, os.PathLike)) else prior
+    request = {
+        "settings": {**settings, **overrides},
+        "steps": steps,
+        "prior": [os.fspath(file) for file in files],
+        "prior_options": dict(prior_options or {}),
+        "bootstrap": bootstrap,
+        "auto": auto,
+        "max_params": max_params,
+        "max_size": _bytes(max_size),
+        "downscale": downscale,
+        "every": every,
+        "skip_missing": skip_missing,
+        "max_memory": _bytes(max_memory),
+        "checkpoint": None if checkpoint is None else os.fspath(checkpoint),
+        "checkpoint_every": checkpoint_every,
+        "resume": resume,
+        "keep_dead": keep_dead,
+        "full_precision": encoding == "f32",
+        "force": force,
+    }
+    return json.loads(_strivec.train(dataset, output, json.dumps(request), _listener(callback)))
+
+
+def _bytes(size: Union[None, int, str]) -> Optional[int]:
+    """A number of bytes, or one with a unit, as in "2MB" or "700kB"."""
+    if not isinstance(size, str):
+        return size
+    for unit, times in (("kB", 1e3), ("MB", 1e6), ("GB", 1e9), ("KiB", 2.0**10), ("MiB", 2.0**20), ("B", 1.0)):
+        if size.endswith(unit):
+            return round(float(size[: -len(unit)]) * times)
+    raise ValueError(f"a size needs a unit (B, kB, MB, GB, KiB or MiB), as in 2MB or 700kB; found {size!r}")
 
 
 def plan(dataset: Path, settings: Optional[Settings] = None, **options: Any) -> Dict[str, Any]:
-    """Estimates parameters, bytes, memory and time of a training. Options as for `train`."""
+    """Estimates parameters, bytes, memory and time of a training. Options as for the command `strivec train`."""
     return _with_settings(settings, command, "plan", dataset, **options)
 
 

@@ -128,7 +128,7 @@ def _train(work: Work) -> Facts:
             next_at = start + max(UPLOAD_EVERY, (time.monotonic() - start) / UPLOAD_SHARE)
 
     options["callback"] = told
-    facts = commands.train(work.inputs["dataset"], work.folder / "scene.strivec", **options)
+    facts = commands.command("train", work.inputs["dataset"], output=work.folder / "scene.strivec", **options)
     return {**{name: facts[name] for name in ("bytes", "parameters", "steps", "seconds")}, "checkpoint_bytes": sent_bytes}
 
 
