@@ -8,7 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Error;
 use super::console::Console;
+#[cfg(feature = "gpu")]
 use strivec_field::render::Pixel;
+#[cfg(feature = "gpu")]
 use strivec_field::render::gpu::{Gpu, GpuError, GpuRenderer, POSITION_ERROR, Precision};
 use strivec_field::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer};
 use strivec_format::geometry::Camera;

@@ -19,7 +19,6 @@ use strivec_format::geometry::Camera;
 
 /// The source of the prior, the occupied space that tensors are placed on.
 #[derive(Clone, Debug, Default, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "a training has one")]
 pub enum Prior {
     /// The dataset's points or points matched between opaque photographs, if they cover the photographs; else a coarse
     /// reconstruction ([`train::reconstruct_prior`]).
