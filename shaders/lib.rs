@@ -1,5 +1,6 @@
 //! WGSL of the renderers on GPUs: one constant per file of this folder. `strivec_field::render::gpu` joins them into modules;
 //! each names its twin in Rust in its head.
+#![forbid(unsafe_code)]
 
 /// `boxes.wgsl`.
 pub const BOXES: &str = include_str!("boxes.wgsl");

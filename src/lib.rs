@@ -22,6 +22,7 @@
 //! ```
 //!
 //! `examples/` renders a picture, trains on a folder and imports a mesh.
+#![forbid(unsafe_code)]
 
 pub use strivec_format::{color, color_map, container, digits, escape, geometry, model, psnr, random};
 

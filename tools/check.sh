@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Sets this machine up and runs every check: formatting, lints, documentation, tests with all features and with none, the
-# Python reader, the desktop player in a window, the page in a browser, and the Python package with its batches and notebook.
+# Sets this machine up and runs every check: formatting, texts, lints, dependencies and their licenses, documentation,
+# packages, tests with all features and with none, the Python reader, the desktop player in a window, the page in a browser,
+# and the Python package with its batches and notebook.
 #
 #   tools/check.sh                 says what is missing, installs it, runs the checks; the first that fails ends the run
 #   tools/check.sh --no-install    installs nothing: fails if something is missing, and names it
@@ -8,8 +9,8 @@
 #
 # Rust (version: rust-version in Cargo.toml, from https://rustup.rs) must be there. On Debian and Ubuntu apt-get, through sudo
 # unless root, installs a C compiler, software Vulkan, Xvfb with the libraries of a window, Chromium and PyTorch. Python's packages
-# and, if it is missing or too old, Node go to target/python; what the page is built with, to target/web-tools and
-# tools/web/node_modules. Elsewhere, install what --no-install names.
+# and, if it is missing or too old, Node go to target/python; cargo-deny goes to target/tools; what the page is built with, to
+# target/web-tools and tools/web/node_modules. Elsewhere, install what --no-install names.
 #
 # Environment: PYTHON and CHROMIUM name other programs than python3 and /usr/bin/chromium. STRIVEC_DATA is a folder of NeRF
 # data sets; without it the tests on them say that they are not run.
@@ -39,6 +40,8 @@ done
 target=${CARGO_TARGET_DIR:-target}
 [[ $target == /* ]] || target=$PWD/$target
 venv=$target/python
+tools=$target/tools
+deny_version=0.20.2
 # Later pyarrow needs NumPy 2, and the PyTorch of Debian 12 NumPy 1.
 python_packages=(
     numpy zstandard python-xlib kaitaistruct==0.11
@@ -57,14 +60,15 @@ can_make_venv() { "$1" -c 'import ensurepip, venv' 2>/dev/null; }
 has_wasm() { compgen -G "$(rustc --print target-libdir --target wasm32-unknown-unknown)/libstd-*.rlib" >/dev/null; }
 has_vulkan() { [[ -n ${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-} ]] || compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null; }
 
-# Fills `packages` (Debian's), `modules` (Python's), `components` (Rust's) and `page` (for the page's build) with what is
-# missing, and sets `python` and `renew_venv`.
+# Fills `packages` (Debian's), `modules` (Python's), `components` (Rust's), `programs` (built by cargo) and `page` (for the
+# page's build) with what is missing, and sets `python` and `renew_venv`.
 find_missing() {
-    packages=() modules=() components=() page=()
+    packages=() modules=() components=() programs=() page=()
     has cargo || fail "cargo is missing: install Rust, see https://rustup.rs"
     for component in fmt:rustfmt clippy:clippy; do
         cargo "${component%:*}" --version >/dev/null 2>&1 || components+=("${component#*:}")
     done
+    has cargo-deny || [[ -x $tools/bin/cargo-deny ]] || programs+=("cargo-deny $deny_version")
     has cc || has gcc || has clang || packages+=(gcc libc6-dev)
     has_vulkan || packages+=(libvulkan1 mesa-vulkan-drivers)
     has Xvfb || packages+=(xvfb)
@@ -114,6 +118,7 @@ set_up() {
     ((${#packages[@]} == 0)) || missing+=("Debian packages: ${packages[*]}")
     ((${#modules[@]} == 0)) || missing+=("Python packages, in $venv: ${modules[*]}")
     ((${#components[@]} == 0)) || missing+=("Rust components: ${components[*]}")
+    ((${#programs[@]} == 0)) || missing+=("programs, built from source: ${programs[*]}")
     ((${#page[@]} == 0)) || missing+=("${page[@]/#/for the page: }")
     if ((${#missing[@]} == 0)); then
         say "nothing to install"
@@ -132,6 +137,13 @@ set_up() {
         has rustup || fail "rustup is missing: install by this Rust's means: ${components[*]}"
         rustup component add "${components[@]}"
     fi
+    if ((${#programs[@]})); then
+        # Optimizing the program takes longer than running it.
+        CARGO_TARGET_DIR=$tools/build CARGO_PROFILE_DEV_DEBUG=false \
+            cargo install --quiet --locked --debug cargo-deny --version "$deny_version" --root "$tools"
+        rm -rf "$tools/build"
+    fi
+    if [[ -d $tools/bin ]]; then export PATH="$tools/bin:$PATH"; fi
     if ((${#modules[@]})); then
         ! $renew_venv && [[ -x $venv/bin/pip ]] || "$python" -m venv --clear --system-site-packages "$venv"
         "$venv/bin/pip" install --quiet --disable-pip-version-check "${modules[@]}"
@@ -168,16 +180,37 @@ export CARGO_INCREMENTAL=${CARGO_INCREMENTAL:-0}
 
 step cargo fmt --all --check
 step cargo fmt --check --manifest-path tools/python/Cargo.toml
+# Programs that embed the reader build few packages.
+check_format_packages() {
+    local tree=(cargo tree --locked --package strivec-format --edges "normal,build" --prefix none) count
+    count=$("${tree[@]}" | sed 's/ (\*)$//' | sort -u | wc -l)
+    printf '%d packages; at most 30\n' "$count"
+    ((count <= 30))
+}
+
+step "$python" tools/comments.py
+step "$python" tools/texts.py
+# All that is asked of the registry is asked here.
+step cargo fetch --locked
+step cargo fetch --locked --manifest-path tools/python/Cargo.toml
+# The advisories need the network: `cargo deny check` reads them.
+step cargo deny --locked --offline check bans licenses sources
+step cargo deny --locked --offline --manifest-path tools/python/Cargo.toml --config deny.toml check licenses sources
+step check_format_packages
 step cargo clippy --locked --all-targets "${whole[@]}" -- -D warnings
 step cargo clippy --locked -- -D warnings
 step cargo clippy --locked --package strivec-format --all-targets -- -D warnings
 step cargo clippy --locked --manifest-path tools/python/Cargo.toml --target-dir "$target" -- -D warnings
 step cargo doc --locked --no-deps "${whole[@]}"
+# The page is no package. Building the others again would take minutes; the one that stands alone is built.
+step cargo package --workspace --exclude strivec-web --locked --offline --allow-dirty --no-verify
+step cargo package --package strivec-format --locked --offline --allow-dirty
 step cargo test --locked "${whole[@]}"
 for renderer in gpu cpu memory; do
     step "$python" tools/player/drive.py "$build/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
 done
 step cargo test --locked --package strivec-format
+step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools
 step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/lpips
 step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/measure
 step env PYTHONPATH=format-spec/reader PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover format-spec/reader/tests

@@ -1,4 +1,5 @@
 //! The command `strivec-pack`.
+#![forbid(unsafe_code)]
 
 use std::process::ExitCode;
 

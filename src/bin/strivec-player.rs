@@ -1,4 +1,5 @@
 //! The command `strivec-player`.
+#![forbid(unsafe_code)]
 
 use std::process::ExitCode;
 

@@ -3,6 +3,7 @@
 //! [`dataset`]: photographs with their cameras, one reader per layout. [`prior`]: occupied voxels, their check against the
 //! cameras, and tensors placed in them. [`geometry`]: any file or folder of geometry as a stream of triangles, points and
 //! cells, ScanNet's scans, depth maps and checkpoints of PyTorch included.
+#![forbid(unsafe_code)]
 
 pub mod dataset;
 mod depth_points;

@@ -1,5 +1,6 @@
 //! Checkpoints of PyTorch programs: TensoRF's ([`tensorf`]) and those of the Strivec authors' program ([`authors`]) as scenes
 //! and back, and grids of DVGO as occupied cells ([`torch`]). No pickle is ever executed.
+#![forbid(unsafe_code)]
 
 pub mod authors;
 mod error;

@@ -2,6 +2,7 @@
 //!
 //! Results go to standard output, progress and messages to standard error. Errors of the layers below become one
 //! sentence and an exit code here ([`Error`]); nothing below this layer prints or uses clap.
+#![forbid(unsafe_code)]
 
 mod approximations;
 mod backend;

@@ -168,9 +168,9 @@ fn watch(
 pub(super) struct Report<'a> {
     file: &'a Path,
     pub(super) bytes: u64,
-    /// Those in the file.
+    /// Parameters in the file.
     pub(super) parameters: u64,
-    /// Those of components that training gave up, dead ones included.
+    /// Parameters of components that training gave up, dead ones included.
     given_up: u64,
     steps: u64,
     /// Time of prior and training, without loading, evaluating and writing.

@@ -1,4 +1,5 @@
 //! `strivec-player`: scenes in a window.
+#![forbid(unsafe_code)]
 
 mod app;
 mod arguments;

@@ -4,6 +4,7 @@
 //! In: a [`strivec_format::model::Scene`]. Out: a [`Mesh`] of its surface, and writers of bytes. Coordinates are in the space of the
 //! dataset's cameras or in model space ([`Space`]). The field is queried at points alone, so nothing here depends on how
 //! factors are held.
+#![forbid(unsafe_code)]
 
 mod cube;
 mod description;

@@ -19,6 +19,7 @@
 //! assert!(density >= 0.0);
 //! # Ok::<(), container::Error>(())
 //! ```
+#![forbid(unsafe_code)]
 
 pub mod color;
 pub mod color_map;

@@ -3,6 +3,7 @@
 //! In: an untrusted file or folder. Out: calls of a [`Visitor`], so that memory holds at most a mesh's vertices. There
 //! is one module per format. Each reader takes an [`Input`], a file or bytes in memory, and checks lengths before it
 //! allocates.
+#![forbid(unsafe_code)]
 
 pub mod archive;
 pub mod arrays;

@@ -48,7 +48,7 @@ impl SsimConvention {
         }
     }
 
-    /// Its name in results.
+    /// The name of this variant in results.
     pub fn result_name(self) -> &'static str {
         match self {
             Self::Nerf => "ssim_nerf",

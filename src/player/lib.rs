@@ -5,6 +5,7 @@
 //! [`Screen`] displays pictures of the graphics renderer, [`Comparison`] arranges two pictures, [`Photograph`] blends
 //! in a photograph, [`Stream`] opens files while they arrive, [`facts()`] describe a file, and [`KEYS`] are the help.
 //! Windows, menus and files belong to `desktop` and to the page.
+#![forbid(unsafe_code)]
 
 mod action;
 mod boxes;

@@ -3,6 +3,7 @@
 //! In: the number and size of views, a layout, a camera model, and a seed. Out: a folder in that layout with the scene's
 //! exact mesh, points on its surface and an occupancy grid; in ScanNet's layout, with a mesh that has holes. The same seed
 //! gives the same bytes on any number of threads. Viewpoints are the same in all layouts but ScanNet's.
+#![forbid(unsafe_code)]
 
 mod camera_model;
 mod colmap;

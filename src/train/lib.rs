@@ -2,6 +2,7 @@
 //!
 //! Results are the same on any number of threads: random draws are keyed by their index ([`strivec_format::random`]), rays come
 //! in chunks of fixed size, one task owns a tensor, and sums over shared weights are in the order of chunks.
+#![forbid(unsafe_code)]
 
 mod adam;
 mod backward;

@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
-# Builds the page into tools/web/dist: the library as WebAssembly, its bindings, the TypeScript around them, and copies it for
-# wheels to tools/python/strivec/web. Prints the compressed size of the WebAssembly, and fails if it exceeds the limit below.
+# Builds the page into tools/web/dist: the library as WebAssembly, its bindings, the TypeScript around them and the notices of
+# third parties, and copies it for wheels to tools/python/strivec/web. Prints the compressed size of the WebAssembly, and fails
+# if it exceeds the limit below.
 #
 #   tools/web/build.sh
 #
-# Needs Rust, Node 20.19 or later and npm. toolchain.sh and npm fetch the rest, or fail if STRIVEC_NO_INSTALL is set.
+# Needs Rust, Node 20.19 or later, npm, and Python 3.11 or later (PYTHON names another program than python3). toolchain.sh and
+# npm fetch the rest, or fail if STRIVEC_NO_INSTALL is set.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
 folder=$PWD
@@ -34,6 +36,7 @@ node_modules/.bin/wasm-opt -Oz --enable-bulk-memory --enable-mutable-globals --e
 node_modules/.bin/tsc
 node_modules/.bin/vite build --logLevel warn
 node_modules/.bin/vite build --logLevel warn --config vite.whole.config.ts
+"${PYTHON:-python3}" ../notices.py --package strivec-web --target "$target" --output dist/THIRD-PARTY-NOTICES.txt
 rm -rf ../python/strivec/web
 cp -r dist ../python/strivec/web
 # Type declarations for users of the package.

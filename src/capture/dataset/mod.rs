@@ -2,7 +2,6 @@
 //!
 //! In: an untrusted folder of pictures with their camera poses. Out: cameras and colors in the dataset's own space. The
 //! caller maps that space to the model's.
-#![forbid(unsafe_code)]
 
 mod capture;
 mod colmap;

@@ -3,7 +3,6 @@
 //! In: posed photographs ([`coarse`]) or files of geometry ([`build()`]). Out: [`VoxelBoxes`] in the dataset's space,
 //! the map to the model's canonical box ([`canonical_map`]), and tensor clouds without values ([`placement`]), which
 //! training initializes.
-#![forbid(unsafe_code)]
 
 mod alignment;
 mod bounds;

@@ -6,8 +6,6 @@
 //! in an [`Error`] that names the fault, never in a panic, and in memory that is bounded by the file's size and by
 //! [`Limits`]. Opening files and recovering from errors is left to the caller.
 
-#![forbid(unsafe_code)]
-
 mod array;
 mod cameras;
 mod chunks;

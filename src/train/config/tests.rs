@@ -94,7 +94,7 @@ fn rules_are_named_as_the_model_names_them() {
 
 #[test]
 fn the_documents_settings_are_valid() {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/configs");
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/configs");
     let files: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|file| file.unwrap().path()).collect();
     assert!(files.len() >= 2, "{files:?}");
     for file in files {
@@ -105,7 +105,7 @@ fn the_documents_settings_are_valid() {
 
 /// The settings of the document `name`.
 fn of_document(name: &str) -> TrainConfig {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("docs/configs/{name}.toml"));
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../../docs/configs/{name}.toml"));
     TrainConfig::from_toml(&std::fs::read_to_string(path).unwrap(), None).unwrap()
 }
 

@@ -2,7 +2,6 @@
 //!
 //! In: a scene. Out: the scene with components pruned, the options to encode it with, and the distortion. A dataset is
 //! not needed: the scene's own pictures from cameras around it are the reference. Photographs can be that, too.
-#![forbid(unsafe_code)]
 
 mod balance;
 mod crop;

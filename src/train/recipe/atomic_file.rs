@@ -32,7 +32,7 @@ pub enum FileError {
     NotRegular {
         /// The destination.
         path: PathBuf,
-        /// Its kind.
+        /// The kind of what is there.
         found: &'static str,
     },
     /// The destination has no file name (the caller).
@@ -46,7 +46,7 @@ pub enum FileError {
     Folder {
         /// The destination.
         path: PathBuf,
-        /// Its folder.
+        /// The folder of the destination.
         folder: PathBuf,
         /// The system's error.
         source: io::Error,
@@ -94,16 +94,16 @@ pub fn check_output(path: &Path, force: bool) -> Result<(), FileError> {
 ///
 /// # Errors
 ///
-/// Those of [`check_output`]; [`FileError::Io`] if the disk is full or fails, which leaves the destination unchanged.
+/// All errors of [`check_output`]; [`FileError::Io`] if the disk is full or fails, which leaves the destination unchanged.
 pub fn write_atomically(path: &Path, bytes: &[u8], force: bool) -> Result<(), FileError> {
     write_atomically_with(path, force, |file| file.write_all(bytes).map_err(FileError::io("write", path)))
 }
 
-/// As [`write_atomically`], for content that `write` writes part by part.
+/// Writes a file as [`write_atomically`] does, for content that `write` writes part by part.
 ///
 /// # Errors
 ///
-/// Those of [`write_atomically`] and of `write`.
+/// All errors of [`write_atomically`] and of `write`.
 pub fn write_atomically_with<E: From<FileError>>(
     path: &Path,
     force: bool,

@@ -170,7 +170,7 @@ impl<'a> Packing<'a> {
     ///
     /// # Errors
     ///
-    /// As [`Packing::finish`].
+    /// All errors of [`Packing::finish`].
     pub fn bytes_beside(
         &self,
         importance: &FactorImportance,

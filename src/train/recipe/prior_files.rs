@@ -16,7 +16,7 @@ const PARTS: u64 = 1000;
 ///
 /// # Errors
 ///
-/// As [`prior::build()`].
+/// All errors of [`prior::build()`].
 pub fn build_prior(
     files: &[PathBuf],
     options: &BuildOptions,

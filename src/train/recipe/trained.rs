@@ -31,7 +31,7 @@ impl Trained {
     ///
     /// # Errors
     ///
-    /// As [`check_output`].
+    /// All errors of [`check_output`].
     pub fn check_output(output: &Path, force: bool) -> Result<(), FileError> {
         check_output(output, force)?;
         check_output(&poses_file(output), force)

@@ -79,7 +79,7 @@ impl Recipe {
     ///
     /// # Errors
     ///
-    /// As [`Recipe::train_folder`].
+    /// All errors of [`Recipe::train_folder`].
     pub fn train(&self, dataset: &mut Dataset, observer: &mut dyn Observer) -> Result<Trained, Error> {
         self.begin()?.run(dataset, observer)
     }
@@ -88,7 +88,7 @@ impl Recipe {
     ///
     /// # Errors
     ///
-    /// As [`CheckpointFile::read`].
+    /// All errors of [`CheckpointFile::read`].
     pub fn begin(&self) -> Result<Training<'_>, Error> {
         let checkpoint = self.checkpoint.as_ref().filter(|_| self.resume);
         Ok(Training { recipe: self, saved: checkpoint.map(CheckpointFile::read).transpose()? })
@@ -127,7 +127,7 @@ impl Training<'_> {
     ///
     /// # Errors
     ///
-    /// As [`Recipe::train_folder`].
+    /// All errors of [`Recipe::train_folder`].
     pub fn run(self, dataset: &mut Dataset, observer: &mut dyn Observer) -> Result<Trained, Error> {
         let Self { recipe, saved } = self;
         let start = Instant::now();

@@ -14,8 +14,8 @@ use strivec::container::{
     self, EncodeOptions, Encoding, Limits, Metadata, Original, SceneFile, Thumbnail, ThumbnailFormat, TrainingCamera,
     Views,
 };
-use strivec::field::Field;
 use strivec::export::Description;
+use strivec::field::Field;
 use strivec::model::Scene;
 
 use crate::arrays::{Dictionary, arrays_of, shaped, vectors};

@@ -5,8 +5,8 @@ use num_traits::Float;
 
 use strivec_format::geometry::{Aabb, cell_at};
 
-/// f32 for training, f64 for the check of the gradients. `field::Real` is not used because `prior` must not import
-/// `field`, a sibling of the same layer (`tests/import_order`); it also requires vector types that are not needed here.
+/// f32 for training, f64 for the check of the gradients. `field::Real` is not used because captures must not depend on
+/// the crate of the field; it also requires vector types that are not needed here.
 pub(super) trait Scalar: Float + Default + Send + Sync + 'static {
     /// `value`, rounded to the nearest number.
     #[inline(always)]
