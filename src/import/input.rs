@@ -8,15 +8,15 @@ use std::path::Path;
 use super::{Fault, Visitor};
 
 /// A source of bytes.
-trait Source: Read + Seek + Send {}
-impl<T: Read + Seek + Send> Source for T {}
+trait ByteSource: Read + Seek + Send {}
+impl<T: Read + Seek + Send> ByteSource for T {}
 
 /// Bytes between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 22;
 
 /// The bytes of a file or of memory.
 pub struct Input<'a> {
-    source: BufReader<Box<dyn Source + 'a>>,
+    source: BufReader<Box<dyn ByteSource + 'a>>,
     offset: u64,
     len: u64,
     reported: u64,
@@ -48,7 +48,7 @@ impl<'a> Input<'a> {
         Self::new(Box::new(std::io::Cursor::new(bytes)), bytes.len() as u64)
     }
 
-    fn new(source: Box<dyn Source + 'a>, len: u64) -> Self {
+    fn new(source: Box<dyn ByteSource + 'a>, len: u64) -> Self {
         Self { source: BufReader::with_capacity(1 << 18, source), offset: 0, len, reported: 0 }
     }
 

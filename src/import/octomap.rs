@@ -19,7 +19,7 @@ const BINARY: &[u8] = b"# Octomap OcTree binary file";
 const FULL: &[u8] = b"# Octomap OcTree file";
 
 /// The header before the nodes.
-struct Header {
+struct TreeHeader {
     binary: bool,
     /// True if the nodes of a file that is not binary have colors.
     colors: bool,
@@ -31,7 +31,7 @@ struct Header {
 
 /// A node whose children are being read.
 #[derive(Clone, Copy)]
-struct Frame {
+struct OpenNode {
     /// Smallest corner, in smallest cells from the root's.
     corner: [u32; 3],
     /// Levels below the root.
@@ -47,13 +47,13 @@ struct Frame {
 ///
 /// If the file breaks the format, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
-    let header = Header::read(input)?;
+    let header = TreeHeader::read(input)?;
     let mut found = 0;
     if header.nodes > 0 {
         let threshold = log_odds(options.threshold);
         let mut path = Vec::with_capacity(DEPTH as usize + 1);
         found = 1;
-        let root = Frame { corner: [0; 3], depth: 0, to_come: 0 };
+        let root = OpenNode { corner: [0; 3], depth: 0, to_come: 0 };
         found += header.node(root, threshold, input, &mut path, visitor)?;
         while let Some(parent) = path.last_mut() {
             input.report(visitor)?;
@@ -74,7 +74,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     Ok(())
 }
 
-impl Header {
+impl TreeHeader {
     fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
         let mut line = Vec::new();
         input.line(&mut line, MAX_LINE)?;
@@ -135,10 +135,10 @@ impl Header {
     /// number of children.
     fn node(
         &self,
-        node: Frame,
+        node: OpenNode,
         threshold: f64,
         input: &mut Input<'_>,
-        path: &mut Vec<Frame>,
+        path: &mut Vec<OpenNode>,
         visitor: &mut dyn Visitor,
     ) -> Result<u64, Fault> {
         let place = input.place();
@@ -172,7 +172,7 @@ impl Header {
             }
             (children, children.count_ones())
         };
-        path.push(Frame { to_come, ..node });
+        path.push(OpenNode { to_come, ..node });
         Ok(children.into())
     }
 
@@ -183,7 +183,7 @@ impl Header {
         Ok(())
     }
 
-    fn cell(&self, node: Frame) -> Aabb {
+    fn cell(&self, node: OpenNode) -> Aabb {
         let middle = f64::from(1 << (DEPTH - 1));
         let min = DVec3::from_array(node.corner.map(f64::from)) - middle;
         let max = min + f64::from(1 << (DEPTH - node.depth));
@@ -191,7 +191,7 @@ impl Header {
     }
 }
 
-impl Frame {
+impl OpenNode {
     fn child(&self, number: u32) -> Self {
         let edge = 1 << (DEPTH - self.depth - 1);
         let corner = std::array::from_fn(|axis| self.corner[axis] + edge * (number >> axis & 1));

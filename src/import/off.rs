@@ -21,12 +21,13 @@ const MAX_LINE: usize = 1 << 24;
 ///
 /// If the file breaks the format, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
-    let mut lines = Lines { input, text: Vec::new(), number: 0 };
+    let mut lines = OffLines { input, text: Vec::new(), number: 0 };
     lines.advance(visitor)?;
     let mut words = lines.words();
     let first = words.next().unwrap_or_default().to_owned();
     let prefix = first.strip_suffix("OFF").ok_or_else(|| lines.wrong("OFF"))?;
-    let columns = Columns::of(prefix).ok_or_else(|| lines.wrong("OFF, COFF, NOFF, CNOFF or one of these after ST"))?;
+    let columns =
+        ColorColumns::of(prefix).ok_or_else(|| lines.wrong("OFF, COFF, NOFF, CNOFF or one of these after ST"))?;
     let binary = words.next() == Some("BINARY");
     drop(words);
     if binary {
@@ -59,7 +60,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
 }
 
 fn read_faces(
-    lines: &mut Lines<'_, '_>,
+    lines: &mut OffLines<'_, '_>,
     faces: u64,
     vertices: &[Point],
     visitor: &mut dyn Visitor,
@@ -90,13 +91,13 @@ fn read_faces(
 }
 
 /// The lines that are not blank, without comments.
-struct Lines<'i, 'a> {
+struct OffLines<'i, 'a> {
     input: &'i mut Input<'a>,
     text: Vec<u8>,
     number: u64,
 }
 
-impl Lines<'_, '_> {
+impl OffLines<'_, '_> {
     fn advance(&mut self, visitor: &mut dyn Visitor) -> Result<(), Fault> {
         loop {
             self.input.report(visitor)?;
@@ -135,12 +136,12 @@ impl Lines<'_, '_> {
 }
 
 /// The columns of a vertex after its position.
-struct Columns {
+struct ColorColumns {
     normal: bool,
     color: bool,
 }
 
-impl Columns {
+impl ColorColumns {
     fn of(prefix: &str) -> Option<Self> {
         match prefix.strip_prefix("ST").unwrap_or(prefix) {
             "" => Some(Self { normal: false, color: false }),
@@ -151,7 +152,7 @@ impl Columns {
         }
     }
 
-    fn vertex(&self, lines: &Lines<'_, '_>) -> Result<Point, Fault> {
+    fn vertex(&self, lines: &OffLines<'_, '_>) -> Result<Point, Fault> {
         let values: Vec<f64> = lines.numbers(0)?;
         let [x, y, z, ref more @ ..] = values[..] else { return Err(lines.wrong("three coordinates")) };
         let more = if self.normal { more.get(3..).unwrap_or_default() } else { more };

@@ -52,7 +52,7 @@ impl Config {
     /// # Ok::<(), strivec_import::Fault>(())
     /// ```
     pub fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
-        let entries = Entries::read(input)?;
+        let entries = ConfigEntries::read(input)?;
         entries.check_expressible()?;
         let top_k = if entries.has("rot_max_tensoRF") { "rot_max_tensoRF" } else { "max_tensoRF" };
         let reduction = |mean| if mean { Reduction::Mean } else { Reduction::Sum };
@@ -81,9 +81,9 @@ impl Config {
 }
 
 /// Names and values with their lines. Of a name that occurs more than once, the last value counts.
-struct Entries(HashMap<String, (usize, String)>);
+struct ConfigEntries(HashMap<String, (usize, String)>);
 
-impl Entries {
+impl ConfigEntries {
     fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
         Fault::unless_within("bytes of a configuration", MAX_BYTES, input.left())?;
         let mut bytes = vec![0; input.left() as usize];

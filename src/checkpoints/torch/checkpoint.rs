@@ -13,7 +13,7 @@ const MAX_PICKLE: u64 = 1 << 26;
 const MAX_HELD: u64 = 1 << 24;
 
 /// A checkpoint.
-pub(crate) struct Checkpoint<'a, 'b> {
+pub(crate) struct TorchFile<'a, 'b> {
     archive: Archive<'a, 'b>,
     /// Folder in the archive, with a slash.
     folder: String,
@@ -21,7 +21,7 @@ pub(crate) struct Checkpoint<'a, 'b> {
     pub(crate) pickle: Pickle,
 }
 
-impl<'a, 'b> Checkpoint<'a, 'b> {
+impl<'a, 'b> TorchFile<'a, 'b> {
     /// Reads the pickle of `input`.
     ///
     /// # Errors

@@ -57,7 +57,7 @@ pub struct TraceInfo {
 
 /// Scratch of a tile, reused from one to the next.
 #[derive(Default)]
-struct Scratch<T> {
+struct TileScratch<T> {
     samples: Samples<T>,
     activations: Activations<T>,
 }
@@ -116,7 +116,7 @@ impl<T: Real> CpuRenderer<T> {
         map_chunks(
             rays,
             #[inline(always)]
-            |chunk, (scratch, points): &mut (Scratch<T>, Samples<T>)| {
+            |chunk, (scratch, points): &mut (TileScratch<T>, Samples<T>)| {
                 let mut infos = Vec::with_capacity(chunk.len());
                 self.trace_chunk(chunk, scratch, |pixel| infos.push(TraceInfo { pixel, ..TraceInfo::default() }));
                 for (index, (info, ray)) in infos.iter_mut().zip(chunk).enumerate() {
@@ -150,8 +150,8 @@ impl<T: Real> CpuRenderer<T> {
 
     /// Calls `take` with the pixel of each of `rays`, in their order. Returns time and counts by stage.
     #[inline(always)]
-    fn trace_chunk(&self, rays: &[Ray], scratch: &mut Scratch<T>, mut take: impl FnMut(Pixel)) -> Work {
-        let Scratch { samples, activations } = scratch;
+    fn trace_chunk(&self, rays: &[Ray], scratch: &mut TileScratch<T>, mut take: impl FnMut(Pixel)) -> Work {
+        let TileScratch { samples, activations } = scratch;
         self.field.march(rays, samples);
         // In parts, so that the rows of a part are still in the cache from layer to layer.
         let max_shaded = match self.field.decoder.mode {
@@ -233,7 +233,7 @@ impl<T: Real> CpuRenderer<T> {
     pub fn render_with_work(&self, camera: &Camera) -> (Picture, Work) {
         let (width, height) = (camera.width, camera.height);
         let mut pixels = vec![Pixel::default(); width as usize * height as usize];
-        let pool = Pool::<Scratch<T>>::default();
+        let pool = Pool::<TileScratch<T>>::default();
         let works: Vec<Work> = (tiles(&mut pixels, width as usize).into_par_iter())
             .with_max_len(TILES_PER_TASK)
             .map(|tile| {
@@ -252,7 +252,7 @@ impl<T: Real> CpuRenderer<T> {
 
     /// Renders the pixels of `tile` as seen by `camera`. Returns time and counts by stage.
     #[inline(always)]
-    fn render_tile(&self, camera: &Camera, tile: Tile, scratch: &mut Scratch<T>) -> Work {
+    fn render_tile(&self, camera: &Camera, tile: Tile, scratch: &mut TileScratch<T>) -> Work {
         let [left, top] = tile.corner;
         let (mut rays, mut pixels) = (Vec::with_capacity(TILE * TILE), Vec::with_capacity(TILE * TILE));
         for (y, row) in (top..).zip(tile.rows) {

@@ -54,14 +54,14 @@ pub enum KeyframesError {
 
 /// Read first, so that another version is not reported as a malformed file.
 #[derive(Deserialize)]
-struct Header {
+struct KeyframesHeader {
     format: String,
     version: u64,
 }
 
 #[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+struct KeyframesFile {
     format: String,
     version: u64,
     #[serde(deserialize_with = "bounded_keyframes")]
@@ -95,14 +95,14 @@ pub fn read_keyframes(bytes: &[u8]) -> Result<CameraPath, KeyframesError> {
         return Err(KeyframesError::TooLarge);
     }
     // First the head alone, so that a file of another format or version is refused as such, not for a missing key.
-    let Header { format, version } = serde_json::from_slice(bytes)?;
+    let KeyframesHeader { format, version } = serde_json::from_slice(bytes)?;
     if format != FORMAT {
         return Err(KeyframesError::Format(format));
     }
     if version != VERSION {
         return Err(KeyframesError::Version(version));
     }
-    let file: File = serde_json::from_slice(bytes)?;
+    let file: KeyframesFile = serde_json::from_slice(bytes)?;
     let keyframes = file.keyframes.iter().enumerate().map(|(index, moment)| moment.keyframe(index));
     Ok(CameraPath::new(keyframes.collect::<Result<_, _>>()?)?)
 }
@@ -110,7 +110,7 @@ pub fn read_keyframes(bytes: &[u8]) -> Result<CameraPath, KeyframesError> {
 /// The file of `path`. [`read_keyframes`] accepts it if the path has at most [`MAX_KEYFRAMES`] keyframes.
 pub fn write_keyframes(path: &CameraPath) -> String {
     let keyframes = path.keyframes().iter().map(Moment::from).collect();
-    let file = File { format: FORMAT.into(), version: VERSION, keyframes };
+    let file = KeyframesFile { format: FORMAT.into(), version: VERSION, keyframes };
     serde_json::to_string_pretty(&file).expect("plain data") + "\n"
 }
 

@@ -13,7 +13,7 @@ mod tests;
 use ::e57::E57Reader;
 
 use self::pages::Pages;
-use self::scan::Scan;
+use self::scan::ScanParts;
 use super::error::excerpt;
 use super::input::bytes_at;
 use super::{Fault, Input, ReadOptions, Visitor};
@@ -42,7 +42,7 @@ pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Vis
         E57Reader::new(input).map_err(|error| Fault::invalid("the XML section", format!("not valid E57: {error}")))?;
     let mut scans = Vec::new();
     for (at, described) in described.pointclouds().iter().enumerate() {
-        scans.push(Scan::new(described, format!("scan {at}"))?);
+        scans.push(ScanParts::new(described, format!("scan {at}"))?);
     }
     let total = scans.iter().map(|scan| scan.records).fold(0, u64::saturating_add);
     let mut done = 0;

@@ -35,7 +35,7 @@ pub(super) struct Buffers<'a> {
     /// \[buffer view\], of compressed ones.
     decompressed: Vec<OnceCell<Vec<u8>>>,
     /// \[buffer view\], of those with Draco streams.
-    meshes: Vec<OnceCell<draco::Mesh>>,
+    meshes: Vec<OnceCell<draco::DracoMesh>>,
     bytes_loaded: Cell<u64>,
     bytes_decompressed: Cell<u64>,
 }
@@ -108,14 +108,14 @@ impl<'a> Buffers<'a> {
     }
 
     /// The mesh of the Draco stream in buffer view `index`.
-    pub(super) fn draco(&self, index: Index<View>) -> Result<&draco::Mesh, Fault> {
+    pub(super) fn draco(&self, index: Index<View>) -> Result<&draco::DracoMesh, Fault> {
         let source = self.view(index)?;
         let cell = &self.meshes[index.value()];
         if let Some(mesh) = cell.get() {
             return Ok(mesh);
         }
         let room = self.room().saturating_sub(self.bytes_decompressed.get());
-        let mesh = draco::Mesh::decode(source, room, &|| format!("buffer view {index}"))?;
+        let mesh = draco::DracoMesh::decode(source, room, &|| format!("buffer view {index}"))?;
         self.charge(mesh.len())?;
         Ok(cell.get_or_init(|| mesh))
     }

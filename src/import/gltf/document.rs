@@ -108,11 +108,11 @@ pub(super) fn get<'a, T>(list: &'a [T], index: Index<T>, what: &str) -> Result<&
 
 /// The spent part of [`MAX_CORNERS`]: a few bytes of JSON can instantiate one large mesh a million times.
 #[derive(Default)]
-pub(super) struct Budget {
+pub(super) struct CornerBudget {
     spent: u64,
 }
 
-impl Budget {
+impl CornerBudget {
     /// Adds `corners` and checks the limit.
     pub(super) fn spend(&mut self, corners: u64) -> Result<(), Fault> {
         self.spent = self.spent.saturating_add(corners);

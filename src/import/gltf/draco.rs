@@ -39,7 +39,7 @@ impl Draco {
 }
 
 /// A decoded stream.
-pub(super) struct Mesh {
+pub(super) struct DracoMesh {
     pub(super) points: u64,
     /// Indices of 32 bits, little-endian, three per triangle.
     pub(super) indices: Vec<u8>,
@@ -54,7 +54,7 @@ pub(super) struct Attribute {
     pub(super) bytes: Vec<u8>,
 }
 
-impl Mesh {
+impl DracoMesh {
     /// Decodes `source`; the result has at most `most` bytes.
     ///
     /// # Errors

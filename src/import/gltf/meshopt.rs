@@ -26,7 +26,7 @@ pub(super) struct Meshopt {
     count: u64,
     mode: Mode,
     #[serde(default)]
-    filter: Filter,
+    filter: MeshoptFilter,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -39,7 +39,7 @@ enum Mode {
 
 #[derive(Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "UPPERCASE")]
-enum Filter {
+enum MeshoptFilter {
     #[default]
     None,
     Octahedral,
@@ -87,11 +87,11 @@ impl Meshopt {
         };
         let mut bytes = decode(count, stride, source, &mut workspace).map_err(wrong)?;
         let filter = match self.filter {
-            Filter::None => return Ok(bytes),
-            Filter::Octahedral => decode_filter_oct,
-            Filter::Quaternion => decode_filter_quat,
-            Filter::Exponential => decode_filter_exp,
-            Filter::Color => decode_filter_color,
+            MeshoptFilter::None => return Ok(bytes),
+            MeshoptFilter::Octahedral => decode_filter_oct,
+            MeshoptFilter::Quaternion => decode_filter_quat,
+            MeshoptFilter::Exponential => decode_filter_exp,
+            MeshoptFilter::Color => decode_filter_color,
         };
         filter(&mut bytes, count, stride, &mut workspace).map_err(wrong)?;
         Ok(bytes)

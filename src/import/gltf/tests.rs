@@ -497,7 +497,7 @@ fn a_mesh_cannot_be_asked_for_without_end() {
     let file = document.to_string();
     let result = read(&mut Input::from_bytes(file.as_bytes()), &no_files, &ReadOptions::default(), &mut Many(0));
     assert!(matches!(result, Err(Fault::Stopped)), "it asks whether to go on");
-    let mut budget = super::Budget::default();
+    let mut budget = super::CornerBudget::default();
     let spent: Result<(), Fault> = (0..300).try_for_each(|_| budget.spend(1 << 24));
     assert_eq!(
         spent.unwrap_err().to_string(),

@@ -41,7 +41,7 @@ const MAX_POINTS_PER_BYTE: u64 = 100;
 
 /// The header.
 #[derive(Debug)]
-pub(super) struct Header {
+pub(super) struct LasHeader {
     /// True for LAZ.
     pub(super) compressed: bool,
     /// Point format, 0 to 10.
@@ -57,7 +57,7 @@ pub(super) struct Header {
     offset: DVec3,
 }
 
-impl Header {
+impl LasHeader {
     /// Reads the header, and checks that the file holds the declared points.
     pub(super) fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
         let mut bytes = [0; LARGEST_HEADER];

@@ -51,13 +51,13 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
 }
 
 /// Versions 1 to 3.
-fn read_gzip(input: &mut Input<'_>) -> Result<(Header, [Vec<u8>; 5]), Fault> {
+fn read_gzip(input: &mut Input<'_>) -> Result<(SpzHeader, [Vec<u8>; 5]), Fault> {
     let len = input.len();
     if input.peek(2)? != [0x1f, 0x8b] {
         return Err(Fault::invalid("byte 0", "it begins with neither NGSP nor the mark of gzip, as SPZ files do"));
     }
     let mut inflated = GzDecoder::new(input);
-    let header = Header::of(&part(&mut inflated, 16, "the header")?, 1..=3)?;
+    let header = SpzHeader::of(&part(&mut inflated, 16, "the header")?, 1..=3)?;
     let widths = header.widths();
     let bytes = widths.iter().sum::<usize>() * header.count;
     if bytes as u64 / MAX_RATIO > len {
@@ -72,9 +72,9 @@ fn read_gzip(input: &mut Input<'_>) -> Result<(Header, [Vec<u8>; 5]), Fault> {
 }
 
 /// Version 4.
-fn read_frames(input: &mut Input<'_>) -> Result<(Header, [Vec<u8>; 5]), Fault> {
+fn read_frames(input: &mut Input<'_>) -> Result<(SpzHeader, [Vec<u8>; 5]), Fault> {
     let bytes: [u8; HEADER_4] = input.array("an SPZ header")?;
-    let header = Header::of(&bytes, 4..=4)?;
+    let header = SpzHeader::of(&bytes, 4..=4)?;
     let (count, lengths_at) = (u64::from(bytes[15]), u32::from_le_bytes(bytes_at(&bytes, 16)));
     if count < ARRAYS.len() as u64 || u64::from(lengths_at) < HEADER_4 as u64 {
         let found = format!("{count} at byte {lengths_at}");
@@ -106,14 +106,14 @@ fn read_frames(input: &mut Input<'_>) -> Result<(Header, [Vec<u8>; 5]), Fault> {
     Ok((header, arrays))
 }
 
-struct Header {
+struct SpzHeader {
     version: u32,
     count: usize,
     /// Bits of a coordinate after the point.
     fraction: u32,
 }
 
-impl Header {
+impl SpzHeader {
     /// The header in `bytes`, of at least 16 bytes.
     fn of(bytes: &[u8], versions: std::ops::RangeInclusive<u32>) -> Result<Self, Fault> {
         if !bytes.starts_with(MAGIC) {
