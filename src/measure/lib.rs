@@ -29,5 +29,5 @@ pub use probes::{
 pub use psnr::{mse, psnr};
 pub use regions::{Region, RegionErrors, RegionReport};
 pub use report::{Report, ViewReport, counted};
-pub use sheet::{Canvas, side_by_side, stacked};
+pub use sheet::{Sheet, side_by_side, stacked};
 pub use ssim::{SSIM_WINDOW, SsimConvention, ssim};

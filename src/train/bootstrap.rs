@@ -16,7 +16,7 @@ use super::{
     BootstrapOptions, DecoderConfig, Exposure, FinishConfig, LeanConfig, PrepareError, ScaleConfig, TrainConfig,
     Trainer, initial_scene,
 };
-use strivec_capture::dataset::{Dataset, View};
+use strivec_capture::dataset::{Dataset, Photograph};
 use strivec_capture::prior;
 use strivec_capture::prior::{CoarseProgress, VoxelBoxes};
 use strivec_field::{Field, Samples, vectorized};
@@ -171,7 +171,7 @@ impl CoarseCube {
 
     /// The cells of `scene` that are dense and at most one cell away from a sample that `views` see, in the dataset's
     /// space.
-    fn occupied(&self, scene: &Scene, views: &[View], options: &BootstrapOptions) -> VoxelBoxes {
+    fn occupied(&self, scene: &Scene, views: &[Photograph], options: &BootstrapOptions) -> VoxelBoxes {
         let field = Field::<f32>::new(scene);
         let size = 2 * self.resolution;
         let seen = self.seen(&field, views, options);
@@ -216,12 +216,12 @@ impl CoarseCube {
     }
 
     /// \[z\]\[y\]\[x\] true if a cell holds a sample of enough visibility weight for some pixel.
-    fn seen(&self, field: &Field<f32>, views: &[View], options: &BootstrapOptions) -> Vec<bool> {
+    fn seen(&self, field: &Field<f32>, views: &[Photograph], options: &BootstrapOptions) -> Vec<bool> {
         let pixels: usize = views.iter().map(|v| v.pixels.len()).sum();
         let stride = (pixels as f64 / f64::from(options.visibility_rays)).sqrt().ceil().max(1.0) as usize;
         let corner = field.relative(self.corner);
         let last = 2 * self.resolution - 1;
-        let look = |mut seen: Vec<bool>, view: &View| {
+        let look = |mut seen: Vec<bool>, view: &Photograph| {
             let camera = view.camera.mapped(&self.model_from_dataset);
             let mut samples = Samples::default();
             for row in (0..camera.height).step_by(stride) {

@@ -16,7 +16,7 @@ use super::{
     BatchRoulette, Checkpoint, DeadComponents, RayBatch, RaySampler, TrainConfig, TrainError, network_parts,
     prune_dead_components,
 };
-use strivec_capture::dataset::View;
+use strivec_capture::dataset::Photograph;
 use strivec_field::{Field, FieldDecoder, FieldFactors, Pool, Roulette, Stage, StageClock, Work, vectorized};
 use strivec_format::geometry::{Camera, Ray};
 use strivec_format::model::Scene;
@@ -62,7 +62,7 @@ impl<'a> Trainer<'a> {
     /// # Errors
     ///
     /// [`TrainError::NoRays`] and [`TrainError::TooManyPixels`].
-    pub fn new(config: TrainConfig, mut scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
+    pub fn new(config: TrainConfig, mut scene: Scene, views: &'a [Photograph]) -> Result<Self, TrainError> {
         let field = Field::taking(&mut scene);
         let mut sampler = sampler_of(&scene, views, &config)?;
         sampler.filter_rays(&field);
@@ -79,7 +79,7 @@ impl<'a> Trainer<'a> {
     /// # Errors
     ///
     /// If `views` are not those that the run began with, or `scene` is not the checkpoint's.
-    pub fn resume(checkpoint: Checkpoint, mut scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
+    pub fn resume(checkpoint: Checkpoint, mut scene: Scene, views: &'a [Photograph]) -> Result<Self, TrainError> {
         let field = Field::taking(&mut scene);
         let mut sampler = sampler_of(&scene, views, &checkpoint.config)?;
         checkpoint.restore(&field, &mut sampler)?;
@@ -390,7 +390,7 @@ fn backward(config: &TrainConfig, field: &Field<f32>) -> Backward<f32> {
 }
 
 /// The rays of `views` in the space of `scene`. Random backgrounds are ignored if it has a sky.
-fn sampler_of<'a>(scene: &Scene, views: &'a [View], config: &TrainConfig) -> Result<RaySampler<'a>, TrainError> {
+fn sampler_of<'a>(scene: &Scene, views: &'a [Photograph], config: &TrainConfig) -> Result<RaySampler<'a>, TrainError> {
     let sampler = RaySampler::new(views, &scene.frame, config)?;
     Ok(if scene.rules.sky.is_some() { sampler.without_random_backgrounds() } else { sampler })
 }

@@ -20,12 +20,7 @@ pub(crate) enum Way {
 }
 
 impl Way {
-    pub(crate) const ALL: &[Self] = &[
-        Self::CpuF64,
-        Self::CpuF32,
-        Self::GpuF32,
-        Self::GpuF16,
-    ];
+    pub(crate) const ALL: &[Self] = &[Self::CpuF64, Self::CpuF32, Self::GpuF32, Self::GpuF16];
 
     /// A generous bound of the relative rounding error of positions.
     pub(crate) fn rounding(self) -> f64 {

@@ -216,9 +216,7 @@ impl Error {
     /// The party that must act.
     pub fn kind(&self) -> ErrorKind {
         match self {
-            Self::Read { .. } | Self::MissingPictures { .. } | Self::MissingSplit { .. } => {
-                ErrorKind::Io
-            }
+            Self::Read { .. } | Self::MissingPictures { .. } | Self::MissingSplit { .. } => ErrorKind::Io,
             Self::Json { .. }
             | Self::NoFrames { .. }
             | Self::FilePath { .. }

@@ -33,7 +33,7 @@ const NGP_CENTER: DVec3 = DVec3::splat(0.5);
 struct Transforms {
     #[serde(flatten)]
     camera: CameraKeys,
-    frames: Vec<Frame>,
+    frames: Vec<FrameEntry>,
     mask_path: Option<String>,
     ply_file_path: Option<String>,
     integer_depth_scale: Option<f64>,
@@ -46,7 +46,7 @@ struct Transforms {
 }
 
 #[derive(Deserialize)]
-struct Frame {
+struct FrameEntry {
     file_path: String,
     /// Rows of `world_from_camera`; the last may be missing.
     transform_matrix: Vec<[f64; 4]>,
@@ -141,7 +141,7 @@ impl Transforms {
         json: &Path,
         folder: &Path,
         n: usize,
-        frame: &Frame,
+        frame: &FrameEntry,
         split: Option<Split>,
         downscale: u32,
     ) -> Result<Shot, Error> {

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3, IVec3, Vec3};
 
 use super::holes::filled;
-use super::morphology::Runs;
+use super::morphology::CellRuns;
 use super::outliers::{Outliers, inliers};
 use super::overlap::{Convex, Parallelepiped, Triangle};
 use super::survey::{Survey, keeps_upright};
@@ -120,7 +120,7 @@ pub fn build(
 ) -> Result<Built, BuildError> {
     options.check()?;
     let passes = if options.voxel.is_some() { 1 } else { 2 };
-    let mut run = Run { files, options, progress, passes, passed: 0 };
+    let mut run = BuildRun { files, options, progress, passes, passed: 0 };
     let (lattice, kept) = match options.voxel {
         Some(edge) => (Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(edge) }, None),
         None => {
@@ -160,7 +160,7 @@ impl BuildOptions {
 }
 
 /// The passes over all files.
-struct Run<'a> {
+struct BuildRun<'a> {
     files: &'a [PathBuf],
     options: &'a BuildOptions,
     progress: &'a mut dyn FnMut(BuildProgress) -> ControlFlow<()>,
@@ -168,7 +168,7 @@ struct Run<'a> {
     passed: usize,
 }
 
-impl Run<'_> {
+impl BuildRun<'_> {
     fn pass(&mut self, shapes: &mut dyn Shapes) -> Result<(), BuildError> {
         for file in self.files {
             let at = BuildProgress { file: self.passed, files: self.files.len() * self.passes, done: 0, total: 0 };
@@ -261,7 +261,7 @@ impl FirstPass {
     }
 
     /// The lattice, and for each point within the crop whether it is kept.
-    fn finish(mut self, run: &Run<'_>) -> Result<(Lattice, Option<Vec<bool>>), BuildError> {
+    fn finish(mut self, run: &BuildRun<'_>) -> Result<(Lattice, Option<Vec<bool>>), BuildError> {
         let kept = match (&self.searched, &run.options.outliers) {
             (Some(searched), Some(rule)) => {
                 let kept = inliers(searched, rule);
@@ -465,18 +465,18 @@ impl Shapes for Filling<'_> {
 }
 
 /// Fills holes, then grows the cells.
-fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: DVec3) -> Result<Runs, BuildError> {
+fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: DVec3) -> Result<CellRuns, BuildError> {
     let too_large = |name, length: f64| Error::Option {
         name,
         expected: "a radius of fewer cells (choose a smaller one, a larger `voxel`, or a `crop`)",
         found: format!("{length}, which is {:.0} cells", length / pitch.min_element()),
     };
     let shortest = pitch.min_element();
-    let mut runs = Runs::of_cells(cells.iter().map(|(cell, _)| *cell));
+    let mut runs = CellRuns::of_cells(cells.iter().map(|(cell, _)| *cell));
     if options.close >= shortest {
         let cells: Vec<_> = runs.cells().collect();
         let filled = filled(&cells, options.close / shortest, pitch / shortest);
-        runs = Runs::of_cells(filled.ok_or_else(|| too_large("close", options.close))?.into_iter());
+        runs = CellRuns::of_cells(filled.ok_or_else(|| too_large("close", options.close))?.into_iter());
     }
     let radius = options.dilate / pitch;
     if radius.max_element() >= 1.0 {

@@ -1,12 +1,12 @@
 //! Random pixels of photographs, and the check of their cameras.
 
-use crate::dataset::{Dataset, View};
+use crate::dataset::{Dataset, Photograph};
 use crate::prior::Error;
 use strivec_format::geometry::{Camera, Ray, Similarity};
 use strivec_format::random::Random;
 
 /// Draws random pixels of a dataset, with their rays and colors.
-pub(super) struct RaySampler<'a> {
+pub(super) struct PixelSampler<'a> {
     dataset: &'a Dataset,
     /// \[view + 1\]: index of each view's first pixel among all pixels that count, then the number of all.
     begins: Vec<u64>,
@@ -18,12 +18,12 @@ pub(super) struct RaySampler<'a> {
     cameras: Vec<Camera>,
 }
 
-impl<'a> RaySampler<'a> {
+impl<'a> PixelSampler<'a> {
     /// The pixels of `dataset`, whose cameras `map` takes to the space of the reconstruction.
     pub(super) fn new(dataset: &'a Dataset, background: [f32; 3], map: &Similarity) -> Result<Self, Error> {
         check_views(dataset)?;
         let cameras = dataset.views.iter().map(|view| view.camera.mapped(map)).collect();
-        let counting: Vec<_> = dataset.views.iter().map(View::counting).collect();
+        let counting: Vec<_> = dataset.views.iter().map(Photograph::counting).collect();
         let mut begins = vec![0];
         for (view, counting) in dataset.views.iter().zip(&counting) {
             let count = counting.as_ref().map_or(view.pixels.len(), Vec::len);
