@@ -49,7 +49,7 @@ struct DvgoGrid {
 impl DvgoGrid {
     /// A grid over `within`. DVGO takes as many voxels as their edge fits into the box, rounded down. With half an edge
     /// more on each axis, rounding does not change their number.
-    fn over(within: &Aabb, resolution: u32) -> Self {
+    fn new(within: &Aabb, resolution: u32) -> Self {
         let edge = within.size().max_element() / f64::from(resolution - 1);
         let voxels = (within.size() / edge - 1e-9).ceil().max(DVec3::ONE) + 1.0;
         let bounds = Aabb::around(within.center(), 0.5 * (voxels + 0.5) * edge);
@@ -103,7 +103,7 @@ pub fn dvgo_checkpoint(
     let from_model = options.space.map_from_model(&scene.frame);
     let to_model = from_model.inverse();
     let corners = sampler.region.corners().map(|corner| from_model.point(corner));
-    let grid = DvgoGrid::over(&Aabb::from_points(corners), options.resolution);
+    let grid = DvgoGrid::new(&Aabb::from_points(corners), options.resolution);
     Error::unless_within("voxels", MAX_VOXELS, grid.count() as u64)?;
     let depths = optical_depths(&sampler, &grid, &to_model, progress);
     let shift = (EMPTY_ALPHA / (1.0 - EMPTY_ALPHA)).ln();

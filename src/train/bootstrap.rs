@@ -58,7 +58,7 @@ pub fn bootstrap_prior(
     let (mut found, mut psnr) = (None, 0.0);
     for (round, &steps) in options.steps.iter().enumerate() {
         let resolution = (options.resolution >> (options.steps.len() - 1 - round)).max(4);
-        let cube = CoarseCube::over(&within, resolution)?;
+        let cube = CoarseCube::new(&within, resolution)?;
         let config = cube.config(config, steps);
         let scene = cube.scene(&config, [near, far], &dataset.name)?;
         let mut trainer = Trainer::new(config, scene, &dataset.views)?;
@@ -96,7 +96,7 @@ struct CoarseCube {
 
 impl CoarseCube {
     /// Covers `within`, which is in the dataset's space, with `resolution` cells along the longest axis of each box.
-    fn over(within: &Aabb, resolution: u32) -> Result<Self, prior::Error> {
+    fn new(within: &Aabb, resolution: u32) -> Result<Self, prior::Error> {
         let model_from_dataset = prior::canonical_map(within, prior::CANONICAL_HALF_EXTENT)?;
         let [min, max] = [within.min, within.max].map(|p| model_from_dataset.point(p));
         let cell = (max - min).max_element() / f64::from(2 * resolution);

@@ -63,7 +63,7 @@ impl<'a> Trainer<'a> {
     ///
     /// [`TrainError::NoRays`] and [`TrainError::TooManyPixels`].
     pub fn new(config: TrainConfig, mut scene: Scene, views: &'a [Photograph]) -> Result<Self, TrainError> {
-        let field = Field::taking(&mut scene);
+        let field = Field::from_scene(&mut scene);
         let mut sampler = sampler_of(&scene, views, &config)?;
         sampler.filter_rays(&field);
         let checkpoint = Checkpoint::start(&config, &field, &sampler);
@@ -80,7 +80,7 @@ impl<'a> Trainer<'a> {
     ///
     /// If `views` are not those that the run began with, or `scene` is not the checkpoint's.
     pub fn resume(checkpoint: Checkpoint, mut scene: Scene, views: &'a [Photograph]) -> Result<Self, TrainError> {
-        let field = Field::taking(&mut scene);
+        let field = Field::from_scene(&mut scene);
         let mut sampler = sampler_of(&scene, views, &checkpoint.config)?;
         checkpoint.restore(&field, &mut sampler)?;
         Self::assemble(checkpoint.config.clone(), scene, field, sampler, checkpoint)
@@ -94,8 +94,8 @@ impl<'a> Trainer<'a> {
         checkpoint: Checkpoint,
     ) -> Result<Self, TrainError> {
         check_active_rays(&sampler)?;
-        let unrounded = checkpoint.rounding.as_ref().map(|r| Unrounded::taking(&mut field, &r.codes));
-        let unrounded_networks = checkpoint.rounds_networks().then(|| UnroundedNetworks::taking(&mut field));
+        let unrounded = checkpoint.rounding.as_ref().map(|r| Unrounded::from_field(&mut field, &r.codes));
+        let unrounded_networks = checkpoint.rounds_networks().then(|| UnroundedNetworks::from_field(&mut field));
         Ok(Self {
             steps_before: scene.provenance.steps.saturating_sub(checkpoint.step),
             last_step: config.steps,
@@ -128,7 +128,7 @@ impl<'a> Trainer<'a> {
     pub(super) fn restart_from(&mut self, mut scene: Scene, steps: u64) {
         self.steps_before += self.checkpoint.step;
         self.checkpoint.step = 0;
-        self.field = Field::taking(&mut scene);
+        self.field = Field::from_scene(&mut scene);
         self.backward = backward(&self.config, &self.field);
         self.scene = scene;
         self.config.steps = steps;
@@ -301,7 +301,7 @@ impl<'a> Trainer<'a> {
         match &self.unrounded_networks {
             Some(networks) => networks.round(&mut self.field),
             None if self.checkpoint.rounds_networks() => {
-                self.unrounded_networks = Some(UnroundedNetworks::taking(&mut self.field));
+                self.unrounded_networks = Some(UnroundedNetworks::from_field(&mut self.field));
             }
             None => {}
         }

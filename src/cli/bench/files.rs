@@ -123,7 +123,7 @@ impl FileRows {
 fn first_pixel(file: &[u8]) -> Result<Pixel, container::Error> {
     let mut scene = container::decode(file)?;
     let ray = Viewpoints::first_of_orbit(&scene, [1, 1]).ray(0, 0);
-    Ok(CpuRenderer::from_field(Field::<f32>::taking(&mut scene)).trace(ray.as_slice())[0])
+    Ok(CpuRenderer::from_field(Field::<f32>::from_scene(&mut scene)).trace(ray.as_slice())[0])
 }
 
 /// Bytes of the factors that upsampling makes.

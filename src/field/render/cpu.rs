@@ -87,7 +87,7 @@ impl<T: Real> CpuRenderer<T> {
         // Raised thresholds need the scene's own, by which they give the weight of skipped samples to shaded ones.
         let own = approximation.reduce(&mut scene);
         // Each scale's factors leave the scene as they are converted: 147 instead of 266 MB for a scene of 74 MB.
-        Ok(Self { field: Field::taking(&mut scene), own })
+        Ok(Self { field: Field::from_scene(&mut scene), own })
     }
 
     /// The most bytes of memory that tracing a ray takes.

@@ -37,7 +37,7 @@ pub(super) struct CoarseGrid<T> {
 
 impl<T: Scalar> CoarseGrid<T> {
     /// A grid of zeros whose vertices span at least `bounds`, about `count` of them, cubic voxels.
-    pub(super) fn over(bounds: &Aabb, count: f64) -> Self {
+    pub(super) fn new(bounds: &Aabb, count: f64) -> Self {
         let size = bounds.size();
         Self::with_voxel(bounds, (size.x * size.y * size.z / count).cbrt())
     }

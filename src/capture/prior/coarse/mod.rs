@@ -87,7 +87,7 @@ pub fn reconstruct(
 
     let levels = options.steps.len();
     let coarsest = f64::from(options.voxels) / 8.0_f64.powi(levels as i32 - 1);
-    let mut grid = CoarseGrid::<f32>::over(&frusta, coarsest.max(8.0));
+    let mut grid = CoarseGrid::<f32>::new(&frusta, coarsest.max(8.0));
     let mut visible = Vec::new();
     let mut known = None;
     let mut done = 0;

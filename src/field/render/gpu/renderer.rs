@@ -83,7 +83,7 @@ impl GpuRenderer {
     ) -> Result<Self, GpuError> {
         approximation.check(&scene)?;
         let own = approximation.reduce(&mut scene);
-        let field = Field::<f32>::taking(&mut scene);
+        let field = Field::<f32>::from_scene(&mut scene);
         let packed = Packed::new(&field, &own, precision, limits)?;
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let scene = gpu.upload("scene", &packed.scene, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
