@@ -53,7 +53,7 @@ pub fn read(input: &mut Input<'_>, options: &SceneOptions) -> Result<Scene, Faul
             tool: "TensoRF".into(),
         },
     };
-    scene.check().map_err(|e| Fault::malformed(e.place, e.expected, e.found))?;
+    scene.check()?;
     Ok(scene)
 }
 

@@ -1,5 +1,6 @@
 //! The curve of a training: its log, evaluations during the run, and the watched view.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use serde::Serialize;
@@ -94,7 +95,7 @@ impl<'a> CurveObserver<'a> {
 }
 
 impl Observer for CurveObserver<'_> {
-    fn message(&mut self, text: &str) {
+    fn message(&mut self, text: &dyn Display) {
         self.console.message(text);
     }
 

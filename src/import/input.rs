@@ -38,7 +38,7 @@ impl<'a> Input<'a> {
         let file = File::open(path)?;
         let metadata = file.metadata()?;
         if !metadata.is_file() {
-            return Err(Fault::invalid("the path", "it is not a regular file"));
+            return Err(Fault::broken("the path", "it is not a regular file"));
         }
         Ok(Self::new(Box::new(file), metadata.len()))
     }
@@ -151,7 +151,7 @@ impl<'a> Input<'a> {
         if line.last() == Some(&end) {
             line.pop();
         } else if line.len() > most {
-            return Err(Fault::invalid(format!("byte {place}"), format!("the line is longer than {most} bytes")));
+            return Err(Fault::broken(format!("byte {place}"), format!("the line is longer than {most} bytes")));
         }
         if line.last() == Some(&b'\r') {
             line.pop();

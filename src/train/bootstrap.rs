@@ -46,12 +46,7 @@ pub fn bootstrap_prior(
     let [near, far] = prior::near_and_far(dataset, config.near_far.map(|n| n[0]), config.near_far.map(|n| n[1]))?;
     let frusta = prior::frusta_within(dataset, near, far);
     if !frusta.is_solid() {
-        return Err(prior::Error::View {
-            view: dataset.views[0].name.clone(),
-            expected: "cameras whose frusta span a box".into(),
-            found: format!("{frusta:?}"),
-        }
-        .into());
+        return Err(prior::Error::no_box(dataset, &frusta).into());
     }
     let (mut done, total) = (0, options.total_steps() as u32);
     let mut within = frusta;

@@ -12,6 +12,7 @@ use super::lean::Worth;
 use super::ray_errors::RayErrors;
 use super::{CheckpointError, Exposures, Moments, NetworkLayout, RaySampler, Rounding, TrainConfig};
 use strivec_field::{Field, FieldScale, Real};
+use strivec_format::Invalid;
 use strivec_format::geometry::Camera;
 
 /// The metadata of the numbers of [`Rounding`].
@@ -50,7 +51,7 @@ pub struct Checkpoint {
 }
 
 pub(super) fn malformed(place: &str, expected: impl ToString, found: impl ToString) -> CheckpointError {
-    CheckpointError::Malformed { place: place.into(), expected: expected.to_string(), found: found.to_string() }
+    CheckpointError::Malformed(Invalid::new(place, expected.to_string(), found.to_string()))
 }
 
 impl Checkpoint {

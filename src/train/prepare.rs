@@ -11,8 +11,9 @@ use strivec_capture::dataset::{Dataset, Photograph};
 use strivec_capture::prior;
 use strivec_capture::prior::{CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
 use strivec_field::{Field, vectorized};
+use strivec_format::Invalid;
 use strivec_format::geometry::{Ray, Similarity};
-use strivec_format::model::{BrokenInvariant, ColorSpace, Frame, Scene, UpAxis};
+use strivec_format::model::{ColorSpace, Frame, Scene, UpAxis};
 
 /// Pixels among which the share of covered ones is counted, about.
 const COVERAGE_PIXELS: f64 = 2e6;
@@ -33,7 +34,7 @@ pub enum PrepareError {
     Config(#[from] ConfigError),
     /// The scene breaks an invariant of the model.
     #[error(transparent)]
-    Scene(#[from] BrokenInvariant),
+    Scene(#[from] Invalid),
     /// Training the prior's tensors failed.
     #[error(transparent)]
     Train(#[from] TrainError),

@@ -10,6 +10,7 @@ use super::picture::{self, MAX_EDGE, PictureHeader};
 use super::shot::{Shot, is_scaled};
 use super::{Dataset, DepthMap, Error, Layout, LoadOptions, NamedCamera, Photograph, files, transforms};
 use strivec_format::geometry::Camera;
+use strivec_format::{Invalid, Place};
 
 /// Bytes of a pixel in memory: as stored, and averaged or of more than 8 bits.
 const PIXEL_BYTES: (u64, u64) = (4, 16);
@@ -237,7 +238,9 @@ impl<'a> Fitted<'a> {
 fn downscaled(camera: Camera, factor: u32, listing: &Path) -> Result<Camera, Error> {
     let size = [camera.width, camera.height];
     if factor == 0 || size.iter().any(|&extent| extent < factor) {
-        return Err(Error::Downscale { path: listing.to_path_buf(), factor, size });
+        let expected = format_args!("1 to {}", size[0].min(size[1]));
+        let invalid = Invalid::new(Place::option("downscale"), expected, factor);
+        return Err(Error::Downscale { path: listing.to_path_buf(), invalid });
     }
     Ok(camera.downscaled(factor))
 }

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 
 use glam::{DAffine3, DVec3, IVec3, Vec3};
 
+use super::NoCells;
 use super::holes::filled;
 use super::morphology::CellRuns;
 use super::outliers::{Outliers, inliers};
@@ -397,21 +398,10 @@ impl<'a> Filling<'a> {
         let cells = self.voxels.into_cells(self.options.min_points);
         let runs = reshaped(&cells, self.options, self.lattice.pitch)?;
         let Some(boxes) = boxes_of(&self.lattice, runs.cells()) else {
-            let why = match all {
-                0 => format!(
-                    ": {} points ({} of them outliers), {} triangles, {} cells of grids; left out: {} withheld and {} \
-                     noise points, {} splats of low opacity",
-                    self.counts.points,
-                    self.counts.outliers,
-                    self.counts.triangles,
-                    self.counts.cells,
-                    self.counts.withheld,
-                    self.counts.noise,
-                    self.counts.transparent
-                ),
-                _ => format!(": none of {all} cells has {} points, the value of `min_points`", self.options.min_points),
-            };
-            return Err(BuildError::Nothing { why });
+            return Err(BuildError::Nothing(match all {
+                0 => NoCells::LeftOut(self.counts),
+                cells => NoCells::FewPoints { cells, min_points: self.options.min_points },
+            }));
         };
         let colors = self.colored.then(|| colors_of(&cells, runs.cells()));
         Ok(Built { boxes, colors, counts: self.counts })
@@ -466,11 +456,7 @@ impl Shapes for Filling<'_> {
 
 /// Fills holes, then grows the cells.
 fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: DVec3) -> Result<CellRuns, BuildError> {
-    let too_large = |name, length: f64| Error::Option {
-        name,
-        expected: "a radius of fewer cells (choose a smaller one, a larger `voxel`, or a `crop`)",
-        found: format!("{length}, which is {:.0} cells", length / pitch.min_element()),
-    };
+    let too_large = |name, length: f64| Error::TooWide { name, length, cells: length / pitch.min_element() };
     let shortest = pitch.min_element();
     let mut runs = CellRuns::of_cells(cells.iter().map(|(cell, _)| *cell));
     if options.close >= shortest {

@@ -86,7 +86,7 @@ fn cells_of(path: PathBuf, outliers: Option<Outliers>) -> Result<Option<VoxelBox
     let options = BuildOptions { outliers, ..BuildOptions::default() };
     match build(&[path], &options, &mut |_| ControlFlow::Continue(())) {
         Ok(Built { boxes, .. }) => Ok(Some(boxes)),
-        Err(BuildError::Nothing { .. } | BuildError::OnePlace { .. }) => Ok(None),
+        Err(BuildError::Nothing(_) | BuildError::OnePlace { .. }) => Ok(None),
         Err(error) => Err(error),
     }
 }

@@ -98,7 +98,7 @@ pub fn read(input: &mut Input<'_>, config: &Config, places: &Places, options: &S
             tool: "the Strivec authors' program".into(),
         },
     };
-    scene.check().map_err(|e| Fault::malformed(e.place, e.expected, e.found))?;
+    scene.check()?;
     Ok(scene)
 }
 

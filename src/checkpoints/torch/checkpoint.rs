@@ -86,7 +86,7 @@ impl<'a, 'b> TorchFile<'a, 'b> {
             let skipped = tensor.offset * width;
             let passed = std::io::copy(&mut bytes.by_ref().take(skipped), &mut std::io::sink());
             if passed.map_err(|e| reading(&name, e))? != skipped {
-                return Err(Fault::invalid(name, "it ends early"));
+                return Err(Fault::broken(name, "it ends early"));
             }
             header(count).for_each(&mut bytes, |n, value| visit(n, value_of(value)))?;
             return if tensor.offset + count == storage.count { check_end_of(&mut bytes, &name) } else { Ok(()) };

@@ -38,7 +38,7 @@ pub(super) fn read(
     };
     let bounds =
         Aabb { min: checkpoint.numbers(min, "xyz_min")?.into(), max: checkpoint.numbers(max, "xyz_max")?.into() };
-    let not_a_tensor = || Fault::invalid("density", "it is not a tensor");
+    let not_a_tensor = || Fault::broken("density", "it is not a tensor");
     let tensor = checkpoint.tensor(density).ok_or_else(not_a_tensor)?.clone();
     let shape = three_axes(&tensor.shape)?;
     let grid = Grid::new(shape, Order::Xyz, At::Vertices, &bounds)?;
@@ -159,7 +159,7 @@ impl Mask {
         let own_size = parts.state(checkpoint, "mask_cache.mask").is_some();
         let (mask, scale, shift) = if let Some(mask) = parts.state(checkpoint, "mask_cache.mask") {
             let [scale, shift] = ["mask_cache.xyz2ijk_scale", "mask_cache.xyz2ijk_shift"].map(|name| {
-                let missing = || Fault::invalid("model_state_dict", format!("the key {name} is missing"));
+                let missing = || Fault::broken("model_state_dict", format!("the key {name} is missing"));
                 parts.state(checkpoint, name).ok_or_else(missing).map(|id| (id, name))
             });
             let ((scale, scale_name), (shift, shift_name)) = (scale?, shift?);
@@ -171,7 +171,7 @@ impl Mask {
         } else {
             return Ok(None);
         };
-        let not_a_tensor = || Fault::invalid("the mask", "it is not a tensor");
+        let not_a_tensor = || Fault::broken("the mask", "it is not a tensor");
         let tensor = checkpoint.tensor(mask).ok_or_else(not_a_tensor)?.clone();
         let shape = three_axes(&tensor.shape)?;
         if !own_size && shape != grid.shape {

@@ -125,7 +125,7 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
         degenerate_triangles: degenerate,
         grid_cells: cells,
         share_of_rays: sight.as_ref().map(|sight| sight.share),
-        advice: sight.and_then(|sight| sight.advice).map(|advice| with_flags(&advice.to_string())),
+        advice: sight.and_then(|sight| sight.advice).map(|advice| with_flags(&advice)),
     };
     session.console.result(&report, |r| {
         let [x, y, z] = r.pitch.map(short);

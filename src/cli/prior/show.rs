@@ -113,7 +113,7 @@ pub(crate) fn run(args: &Args, session: &Context) -> Result<(), Error> {
         cells: boxes.cells.len(),
         share_of_rays: share,
         distances,
-        advice: advice.map(|advice| with_flags(&advice.to_string())),
+        advice: advice.map(|advice| with_flags(&advice)),
     };
     session.console.result(&shown, |shown| {
         let advice = shown.advice.as_ref().map_or_else(String::new, |advice| format!("\n{advice}"));

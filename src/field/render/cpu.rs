@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 
 use super::approximation::OwnThresholds;
-use super::{Approximation, ApproximationError, Picture, Pixel, Renderer};
+use super::{Approximation, Picture, Pixel, Renderer};
 use crate::{Activations, Field, Pool, Real, Samples, Stage, Work, add_compensated, vectorized};
+use strivec_format::Invalid;
 use strivec_format::geometry::{Camera, Ray};
 use strivec_format::model::{DecoderMode, Scene, softplus};
 
@@ -82,7 +83,7 @@ impl<T: Real> CpuRenderer<T> {
     /// # Errors
     ///
     /// If an option is out of range for this scene.
-    pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, ApproximationError> {
+    pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, Invalid> {
         approximation.check(&scene)?;
         // Raised thresholds need the scene's own, by which they give the weight of skipped samples to shaded ones.
         let own = approximation.reduce(&mut scene);

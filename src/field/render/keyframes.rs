@@ -7,6 +7,7 @@ use serde::de::{Error as _, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use strivec_format::geometry::{Camera, CameraPath, Keyframe, NotRigid, PathError, Viewpoint, rigid};
+use strivec_format::{Invalid, Place};
 
 /// The value of the key `format`.
 const FORMAT: &str = "strivec-camera-path";
@@ -30,22 +31,18 @@ pub enum KeyframesError {
     #[error("not the JSON of a camera path: {0}")]
     Json(#[from] serde_json::Error),
     /// The key `format` has another value.
-    #[error("`format` must be {FORMAT:?}, but is {0:?}")]
-    Format(String),
+    #[error(transparent)]
+    Format(Invalid),
     /// A version that this build does not support.
     #[error("this build reads version {VERSION} of camera paths, this file has version {0}")]
     Version(u64),
     /// An invalid camera of a keyframe.
-    #[error("keyframe {index}: `{key}` must be {expected}; found {found}")]
+    #[error("keyframe {index}: {invalid}")]
     Camera {
         /// The keyframe's index, from 0.
         index: usize,
-        /// The JSON key.
-        key: &'static str,
-        /// The valid values.
-        expected: String,
-        /// The value found, or `none`.
-        found: String,
+        /// The JSON key with its value.
+        invalid: Invalid,
     },
     /// Keyframes that do not form a path.
     #[error(transparent)]
@@ -97,7 +94,12 @@ pub fn read_keyframes(bytes: &[u8]) -> Result<CameraPath, KeyframesError> {
     // First the head alone, so that a file of another format or version is refused as such, not for a missing key.
     let KeyframesHeader { format, version } = serde_json::from_slice(bytes)?;
     if format != FORMAT {
-        return Err(KeyframesError::Format(format));
+        let place = Place::Key("format".into());
+        return Err(KeyframesError::Format(Invalid::new(
+            place,
+            format_args!("{FORMAT:?}"),
+            format_args!("{format:?}"),
+        )));
     }
     if version != VERSION {
         return Err(KeyframesError::Version(version));
@@ -132,11 +134,9 @@ impl From<&Keyframe> for Moment {
 
 impl Moment {
     fn keyframe(&self, index: usize) -> Result<Keyframe, KeyframesError> {
-        let refused = |key, expected: &str, found: String| KeyframesError::Camera {
+        let refused = |key: &str, expected: &str, found: String| KeyframesError::Camera {
             index,
-            key,
-            expected: expected.into(),
-            found,
+            invalid: Invalid::new(Place::Key(key.into()), expected, found),
         };
         let degrees = self.vertical_fov_degrees;
         if !FIELD_OF_VIEW.contains(&degrees) {
@@ -263,7 +263,7 @@ mod tests {
             ("[]".into(), "not the JSON of a camera path"),
             (
                 file("").replace("strivec-camera-path", "gltf"),
-                "`format` must be \"strivec-camera-path\", but is \"gltf\"",
+                "`format` must be \"strivec-camera-path\"; found \"gltf\"",
             ),
             (file("").replace("1,", "2,"), "this build reads version 1 of camera paths, this file has version 2"),
             (file("").replace("1,", "-1,"), "expected u64 at line 1"),

@@ -65,7 +65,7 @@ pub(super) fn colors(array: &mut dyn Array) -> Result<Vec<[u8; 3]>, Fault> {
     let shape = rows_and_columns(array, "colors")?;
     Fault::unless_within("colors", MAX_COLORS, shape[0])?;
     let Some(scale) = scale_of(array, shape, 0)? else {
-        return Err(Fault::invalid("the colors", "not all are whole numbers from 0 to 255, or floats from 0 to 1"));
+        return Err(Fault::broken("the colors", "not all are whole numbers from 0 to 255, or floats from 0 to 1"));
     };
     let mut colors = Vec::new();
     rows(array, shape, 3, &mut |_, row| {

@@ -90,7 +90,7 @@ pub(super) fn read(
         streams.iter_mut().for_each(|stream| stream.finish(taken));
         if left > 0 && streams.iter().map(|stream| stream.bytes.len() - stream.done / 8).sum::<usize>() > MAX_AHEAD {
             let problem = format!("a stream is more than {MAX_AHEAD} bytes ahead of another one");
-            return Err(Fault::invalid(place, problem));
+            return Err(Fault::broken(place, problem));
         }
     }
     Ok(())
@@ -109,7 +109,7 @@ fn append(pages: &mut Pages<'_, '_>, streams: &mut [NumberStream], length: u64, 
     let used = 6 + 2 * streams.len() as u64 + sizes.iter().map(|size| *size as u64).sum::<u64>();
     if used > length {
         let problem = format!("the streams need {used} bytes, but the packet has {length}");
-        return Err(Fault::invalid(place, problem));
+        return Err(Fault::broken(place, problem));
     }
     for (stream, size) in streams.iter_mut().zip(sizes) {
         stream.append(size, pages)?;

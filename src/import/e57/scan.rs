@@ -133,7 +133,7 @@ impl ScanParts {
         Fault::unless_within(&format!("fields of {place}"), MAX_FIELDS, prototype.len() as u64)?;
         let bits: Vec<u32> = prototype.iter().map(bits).collect();
         if bits.iter().all(|bits| *bits == 0) {
-            return Err(Fault::invalid(place, "all numbers of every field are equal"));
+            return Err(Fault::broken(place, "all numbers of every field are equal"));
         }
         let find = |name: &RecordName| prototype.iter().position(|record| record.name == *name);
         let field = |name: RecordName| find(&name).map(|at| FieldStream::of(&prototype[at], at));
@@ -142,7 +142,7 @@ impl ScanParts {
         let cartesian = all([N::CartesianX, N::CartesianY, N::CartesianZ]);
         let spherical = all([N::SphericalRange, N::SphericalAzimuth, N::SphericalElevation]);
         if cartesian.is_none() && spherical.is_none() {
-            return Err(Fault::invalid(place, "it has neither Cartesian nor spherical coordinates"));
+            return Err(Fault::broken(place, "it has neither Cartesian nor spherical coordinates"));
         }
         let limits = described.color_limits.as_ref();
         let channel = |name: N, limits: Option<(&RecordValue, &RecordValue)>| {

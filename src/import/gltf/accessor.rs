@@ -88,7 +88,7 @@ impl<'b> SparseValues<'b> {
         budget: &mut CornerBudget,
     ) -> Result<Self, Fault> {
         let Checked::Valid(gltf::json::accessor::IndexComponentType(index)) = json.indices.component_type else {
-            return Err(Fault::invalid(place(), "unknown type of sparse indices"));
+            return Err(Fault::broken(place(), "unknown type of sparse indices"));
         };
         let n = json.count.0;
         let indices = Strided::of(buffers, json.indices.buffer_view, json.indices.byte_offset, index.size(), n)?;
@@ -137,7 +137,7 @@ impl<'b> Values<'b> {
         let accessor = get(&buffers.document.accessors, index, "accessor")?;
         let place = || format!("accessor {index}");
         let (Checked::Valid(component), Checked::Valid(shape)) = (accessor.component_type, accessor.type_) else {
-            return Err(Fault::invalid(place(), "unknown type of numbers"));
+            return Err(Fault::broken(place(), "unknown type of numbers"));
         };
         let (count, component) = (accessor.count.0, component.0);
         let size = component.size() * shape.multiplicity();
@@ -210,7 +210,7 @@ fn attribute<'b>(
 ) -> Result<&'b [u8], Fault> {
     let wrong = |expected: String, found: String| Fault::malformed(place(), expected, found);
     let Some(attribute) = mesh.attribute(id) else {
-        return Err(Fault::invalid(
+        return Err(Fault::broken(
             place(),
             format!("its Draco stream has no attribute {id} with values that glTF has"),
         ));

@@ -66,7 +66,7 @@ impl<'a> Buffers<'a> {
         let bytes: &[u8] = match (&buffer.uri, &self.blob) {
             (None, Some(blob)) if index.value() == 0 => blob,
             (None, _) => {
-                return Err(Fault::invalid(
+                return Err(Fault::broken(
                     format!("buffer {index}"),
                     "it has no URI, and there is no chunk BIN for it",
                 ));
@@ -168,7 +168,7 @@ impl<'a> Buffers<'a> {
 /// If the file cannot be read or lies outside the folder.
 pub fn beside(path: &Path, name: &str) -> Result<Vec<u8>, Fault> {
     check_name(name)?;
-    let wrong = |problem: &str| Fault::invalid(format!("the buffer \"{name}\""), problem);
+    let wrong = |problem: &str| Fault::broken(format!("the buffer \"{name}\""), problem);
     let unreadable = |error: std::io::Error| wrong(&format!("cannot read the file: {error}"));
     let path = path.parent().unwrap_or(Path::new("")).join(name);
     // Check that it is a file before opening it: opening a pipe would block.

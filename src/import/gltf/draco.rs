@@ -34,7 +34,7 @@ impl Draco {
         let json = primitive.extensions.as_ref().and_then(|all| all.others.get(NAME));
         json.map(Self::deserialize)
             .transpose()
-            .map_err(|error| Fault::invalid(place(), format!("invalid extension {NAME}: {error}")))
+            .map_err(|error| Fault::broken(place(), format!("invalid extension {NAME}: {error}")))
     }
 }
 
@@ -69,9 +69,9 @@ impl DracoMesh {
         MeshDecoder::new().decode(&mut DecoderBuffer::new(source).with_limits(limits), &mut mesh).map_err(|error| {
             match error.kind() {
                 ErrorKind::LimitExceeded => {
-                    Fault::invalid(place(), format!("its Draco stream decompresses to more than {most} bytes"))
+                    Fault::broken(place(), format!("its Draco stream decompresses to more than {most} bytes"))
                 }
-                _ => Fault::invalid(place(), format!("cannot decode the Draco stream: {}", error.message())),
+                _ => Fault::broken(place(), format!("cannot decode the Draco stream: {}", error.message())),
             }
         })?;
         let indices = mesh.faces().iter().flatten().flat_map(|point| point.0.to_le_bytes()).collect();

@@ -58,7 +58,7 @@ pub fn read(
         Ok(())
     })?;
     if none {
-        return Err(Fault::invalid("the scene", "it has no mesh of triangles or points"));
+        return Err(Fault::broken("the scene", "it has no mesh of triangles or points"));
     }
     Ok(())
 }

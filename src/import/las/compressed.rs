@@ -93,7 +93,7 @@ fn chunk<R>(
         left -= taken;
         records.resize(taken as usize * record, 0);
         let decoded = catch_unwind(AssertUnwindSafe(|| decoder.decompress_many(&mut records)));
-        let bad = |problem: &str| Fault::invalid(format!("the chunk at {at}"), problem);
+        let bad = |problem: &str| Fault::broken(format!("the chunk at {at}"), problem);
         match decoded {
             Ok(Ok(())) => sink(&records)?,
             Ok(Err(error)) if error.kind() == io::ErrorKind::UnexpectedEof => {
@@ -107,7 +107,7 @@ fn chunk<R>(
 }
 
 fn unknown(error: &laz::LasZipError) -> Fault {
-    Fault::invalid("the record of LAZ", format!("unknown compression: {error}"))
+    Fault::broken("the record of LAZ", format!("unknown compression: {error}"))
 }
 
 /// The record that describes the compression.
@@ -121,7 +121,7 @@ fn find_description(input: &mut Input<'_>, header: &LasHeader) -> Result<Vec<u8>
             }
             let problem =
                 format!("the record reaches beyond the start of the points, byte {}", header.offset_to_points);
-            Err(Fault::invalid(place.clone(), problem))
+            Err(Fault::broken(place.clone(), problem))
         };
         before(input, RECORD_HEADER)?;
         let head: [u8; RECORD_HEADER as usize] = input.array("a record")?;
@@ -135,7 +135,7 @@ fn find_description(input: &mut Input<'_>, header: &LasHeader) -> Result<Vec<u8>
         }
         input.go_to(input.offset() + u64::from(length))?;
     }
-    Err(Fault::invalid("the records before the points", "none describes the compression"))
+    Err(Fault::broken("the records before the points", "none describes the compression"))
 }
 
 /// Checks that the description matches the point format.
@@ -234,7 +234,7 @@ fn check_layers(input: &mut Input<'_>, header: &LasHeader) -> Result<u64, Fault>
     input.expect_left(bytes, "layers")?;
     input.go_to(start)?;
     if points == 0 {
-        return Err(Fault::invalid(place, "the chunk has no points"));
+        return Err(Fault::broken(place, "the chunk has no points"));
     }
     Ok(points.into())
 }

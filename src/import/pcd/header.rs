@@ -102,9 +102,8 @@ impl PcdHeader {
     /// If the product overflows.
     pub(super) fn bytes(&self) -> Result<u64, Fault> {
         let bytes = self.points.checked_mul(self.record);
-        bytes.ok_or_else(|| {
-            Fault::invalid("POINTS", format!("{} points of {} bytes overflow", self.points, self.record))
-        })
+        bytes
+            .ok_or_else(|| Fault::broken("POINTS", format!("{} points of {} bytes overflow", self.points, self.record)))
     }
 
     /// Reads the header, up to the first byte of the points.
@@ -139,7 +138,7 @@ impl PcdHeader {
                     })?,
             };
             if entries.iter().any(|(known, _)| *known == key) {
-                return Err(Fault::invalid(place(), format!("a second line {key}")));
+                return Err(Fault::broken(place(), format!("a second line {key}")));
             }
             entries.push((key, words.map(String::from).collect()));
         };
@@ -183,7 +182,7 @@ impl PcdHeader {
                 .map(|(_, _, field)| field.clone())
         };
         let axis = |wanted: &str| {
-            find(wanted).ok_or_else(|| Fault::invalid("FIELDS", format!("the field {wanted} is missing")))
+            find(wanted).ok_or_else(|| Fault::broken("FIELDS", format!("the field {wanted} is missing")))
         };
         let color = find("rgb").or_else(|| find("rgba")).filter(|field| field.size >= 4);
         Ok(Self {
@@ -218,7 +217,7 @@ impl HeaderLines<'_> {
         let entry = self.0.iter().find(|(known, _)| *known == key);
         entry
             .map(|(_, words)| &words[..])
-            .ok_or_else(|| Fault::invalid("the header", format!("the line {key} is missing")))
+            .ok_or_else(|| Fault::broken("the header", format!("the line {key} is missing")))
     }
 
     fn numbers(&self, key: &str, count: usize) -> Result<Vec<u64>, Fault> {

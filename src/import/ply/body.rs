@@ -281,7 +281,7 @@ impl<'i, 'a> BodyReader<'i, 'a> {
             let taken = length.unwrap_or(word.len());
             if self.token.len() + taken > MAX_TOKEN {
                 let problem = format!("the number is longer than {MAX_TOKEN} characters");
-                return Err(Fault::invalid(self.place().to_string(), problem));
+                return Err(Fault::broken(self.place().to_string(), problem));
             }
             self.token.extend_from_slice(&word[..taken]);
             self.input.consume(blank + taken);

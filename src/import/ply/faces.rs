@@ -42,7 +42,7 @@ impl FaceElement {
             .find_map(|name| element.property(name))
             .filter(|&list| matches!(element.properties[list].kind, Kind::List { item, .. } if item.is_integer()));
         let problem = || format!("the element {} needs a list of integers {}", element.name, names.join(" or "));
-        let list = list.ok_or_else(|| Fault::invalid("the header", problem()))?;
+        let list = list.ok_or_else(|| Fault::broken("the header", problem()))?;
         Ok(Some(Self { list, shape }))
     }
 

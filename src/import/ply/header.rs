@@ -2,6 +2,7 @@
 
 use super::super::error::excerpt;
 use super::super::{Fault, Input};
+use strivec_format::Place;
 
 /// Lines, elements, and properties of one element. The headers of Gaussian splats have about 70 properties.
 const MAX_LINES: u64 = 10_000;
@@ -178,7 +179,7 @@ impl PlyHeader {
             Fault::unless_within("lines of a header", MAX_LINES, lines)?;
             let line = String::from_utf8_lossy(&bytes);
             let words: Vec<&str> = line.split_ascii_whitespace().take(6).collect();
-            let wrong = |expected: &str| Fault::malformed(format!("line {lines}"), expected, excerpt(&bytes));
+            let wrong = |expected: &str| Fault::malformed(Place::Line(lines as u64), expected, excerpt(&bytes));
             if lines == 1 {
                 if words != ["ply"] {
                     return Err(wrong("ply"));
@@ -217,7 +218,7 @@ impl PlyHeader {
                 _ => return Err(wrong("a header line")),
             }
         }
-        let encoding = encoding.ok_or_else(|| Fault::invalid("the header", "the line format is missing"))?;
+        let encoding = encoding.ok_or_else(|| Fault::broken("the header", "the line format is missing"))?;
         check_counts(&elements, encoding, input)?;
         Ok(Self { encoding, elements, lines, line_end })
     }
@@ -242,7 +243,7 @@ fn check_counts(elements: &[PlyElement], encoding: BodyEncoding, input: &Input<'
     let mut least = 0_u64;
     for PlyElement { name, count, properties } in elements {
         if properties.is_empty() && *count > 0 {
-            return Err(Fault::invalid("the header", format!("the element {name} has no properties")));
+            return Err(Fault::broken("the header", format!("the element {name} has no properties")));
         }
     }
     for element in elements {
@@ -251,7 +252,7 @@ fn check_counts(elements: &[PlyElement], encoding: BodyEncoding, input: &Input<'
             let (PlyElement { count, name, .. }, left) = (element, input.left());
             let problem =
                 format!("{count} x {name} is declared, which needs at least {least} bytes, but {left} are left");
-            return Err(Fault::invalid(input.place(), problem));
+            return Err(Fault::broken(input.place(), problem));
         }
     }
     Ok(())

@@ -36,7 +36,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     let header = PlyHeader::read(input)?;
     let elements = &header.elements;
     let vertex = elements.iter().position(|element| element.name == "vertex");
-    let vertex = vertex.ok_or_else(|| Fault::invalid("the header", "the element vertex is missing"))?;
+    let vertex = vertex.ok_or_else(|| Fault::broken("the header", "the element vertex is missing"))?;
     let mut body = BodyReader::new(input, &header);
     if let Some(splats) = splats::SplatProperties::of(&elements[vertex]) {
         return skip_to(vertex, &mut body, elements, visitor)

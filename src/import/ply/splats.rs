@@ -108,7 +108,7 @@ impl PackedSplats {
         body.records(element, &self.wanted, visitor, |visitor, values, place| {
             let [position, rotation, scale, color] = [0, 1, 2, 3].map(|k| values[k] as u32);
             let range = ranges.get(n / CHUNK);
-            let range = range.ok_or_else(|| Fault::invalid(place.to_string(), "the splat has no chunk"))?;
+            let range = range.ok_or_else(|| Fault::broken(place.to_string(), "the splat has no chunk"))?;
             n += 1;
             let mixed = |at: usize, share: f64| range[at] + share * (range[at + 3] - range[at]);
             let [x, y, z] = eleven_ten_eleven(position);

@@ -37,7 +37,7 @@ impl VertexProperties {
         };
         let numbers = |names: &[&str; 3]| Some([number(names[0])?, number(names[1])?, number(names[2])?]);
         let position = numbers(&["x", "y", "z"])
-            .ok_or_else(|| Fault::invalid("the header", "the element vertex needs the numbers x, y and z"))?;
+            .ok_or_else(|| Fault::broken("the header", "the element vertex needs the numbers x, y and z"))?;
         let color = CHANNELS.iter().filter_map(numbers).find(|channels| {
             let known = matches!(channels[0].1, PlyScalar::U8 | PlyScalar::F32 | PlyScalar::F64);
             known && channels.iter().all(|channel| channel.1 == channels[0].1)

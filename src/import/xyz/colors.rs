@@ -78,7 +78,7 @@ impl Colors {
         if all(|n| n.fract() == 0.0 && (0.0..=65535.0).contains(&n)) {
             return Ok(ColorRange::Words);
         }
-        Err(Fault::invalid(
+        Err(Fault::broken(
             "the columns red, green and blue",
             "the first thousand lines are neither integers up to 255 or 65535, nor numbers up to 1",
         ))

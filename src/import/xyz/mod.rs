@@ -81,7 +81,7 @@ fn read_after(
             let expected = format!("{count} points, as declared in the first line");
             Err(Fault::malformed(format!("line {}", line.number), expected, points))
         }
-        _ if points == 0 => Err(Fault::invalid("the file", "it has no lines of numbers")),
+        _ if points == 0 => Err(Fault::broken("the file", "it has no lines of numbers")),
         _ => Ok(()),
     }
 }

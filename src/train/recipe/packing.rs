@@ -132,7 +132,7 @@ impl<'a> Packing<'a> {
 
     /// The importance of the factors of `scene`, seen as this one.
     pub fn importance(&self, scene: &Scene, observer: &mut dyn Observer) -> FactorImportance {
-        observer.message("estimating importance");
+        observer.message(&"estimating importance");
         self.views.importance(scene, self.options.as_many(PROBED.1), self.options.seed)
     }
 

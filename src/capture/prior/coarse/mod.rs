@@ -77,12 +77,7 @@ pub fn reconstruct(
     let carving = points.filter(|_| options.free_before_points);
     let free = carving.map(|points| FreeSpace::new(photographs.cameras(), points, contraction.as_ref()));
     if !frusta.is_solid() {
-        let view = dataset.views[0].name.clone();
-        return Err(Error::View {
-            view,
-            expected: "cameras whose frusta span a box".into(),
-            found: format!("{frusta:?}"),
-        });
+        return Err(Error::no_box(dataset, &frusta));
     }
 
     let levels = options.steps.len();

@@ -2,6 +2,7 @@
 
 use crate::dataset::{Dataset, Photograph};
 use crate::prior::Error;
+use strivec_format::Invalid;
 use strivec_format::geometry::{Camera, Ray, Similarity};
 use strivec_format::random::Random;
 
@@ -56,21 +57,21 @@ impl<'a> PixelSampler<'a> {
 pub fn check_views(dataset: &Dataset) -> Result<(), Error> {
     for view in &dataset.views {
         let camera = &view.camera;
-        let wrong = |expected: &str, found: String| {
-            Err(Error::View { view: view.name.clone(), expected: expected.into(), found })
+        let wrong = |place: &str, expected: &str, found: String| {
+            Err(Error::View { view: view.name.clone(), invalid: Invalid::new(place, expected, found) })
         };
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         if pixels == 0 || pixels != view.pixels.len() as u64 {
             let found = format!("{} for {} x {}", view.pixels.len(), camera.width, camera.height);
-            return wrong("one pixel for each of the camera's, at least one", found);
+            return wrong("the number of pixels", "one for each of the camera's, at least one", found);
         }
         if view.mask.as_ref().is_some_and(|mask| mask.len() as u64 != pixels) {
-            return wrong("a mask with one value for each pixel", format!("a mask for {pixels} pixels"));
+            return wrong("the mask", "one value for each pixel", format!("a mask for {pixels} pixels"));
         }
         let intrinsics = camera.focal.iter().chain(&camera.principal);
         let is_finite = camera.position.is_finite() && intrinsics.into_iter().all(|v| v.is_finite());
         if !is_finite || camera.ray(0, 0).is_some_and(|ray| !ray.direction.is_finite()) {
-            return wrong("a finite camera", format!("{camera:?}"));
+            return wrong("the camera", "finite", format!("{camera:?}"));
         }
     }
     if dataset.views.is_empty() {
