@@ -24,6 +24,7 @@
 //! `examples/` renders a picture, trains on a folder and imports a mesh.
 #![forbid(unsafe_code)]
 
+pub use strivec_format::{Invalid, OptionName, Place, named_by};
 pub use strivec_format::{color, color_map, container, digits, escape, geometry, model, psnr, random};
 
 #[cfg(feature = "toolkit")]

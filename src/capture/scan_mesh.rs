@@ -9,7 +9,7 @@ use strivec_format::geometry::Aabb;
 use strivec_import::{Fault, ImportError, LeftOut, Point, Visitor};
 
 /// A scan's mesh.
-pub(super) struct Scan {
+pub(super) struct ScanMesh {
     /// `sceneXXXX_YY_vh_clean_2.ply`, or another mesh of the folder.
     pub(super) mesh: PathBuf,
     /// Map from the mesh's space to the dataset's.
@@ -17,19 +17,19 @@ pub(super) struct Scan {
 }
 
 /// The scan of `path`, its folder or a mesh in it; `None` if `path` belongs to no scan.
-pub(super) fn scan_of(path: &Path) -> Result<Option<Scan>, ImportError> {
+pub(super) fn scan_of(path: &Path) -> Result<Option<ScanMesh>, ImportError> {
     let Some(dataset::Scan { name, mesh, alignment, .. }) =
         dataset::Scan::open(path).map_err(|e| e.of_geometry(path))?
     else {
         return Ok(None);
     };
     match mesh {
-        Some(mesh) => Ok(Some(Scan { mesh, alignment })),
-        None => Err(Fault::invalid("the folder", format!("the mesh {name}_vh_clean_2.ply is missing")).of(path)),
+        Some(mesh) => Ok(Some(ScanMesh { mesh, alignment })),
+        None => Err(Fault::broken("the folder", format!("the mesh {name}_vh_clean_2.ply is missing")).of(path)),
     }
 }
 
-impl Scan {
+impl ScanMesh {
     /// A visitor that aligns geometry and passes it to `visitor`.
     pub(super) fn aligned<'a>(&'a self, visitor: &'a mut dyn Visitor) -> impl Visitor + 'a {
         Aligned { visitor, alignment: self.alignment }
@@ -126,7 +126,7 @@ mod tests {
         let expected = [[3.0, 4.0, 5.0], [3.0, 5.0, 5.0], [2.0, 4.0, 5.0], [3.0, 4.0, 6.0]];
         assert_eq!(corners.0, expected.map(DVec3::from));
         let far = at(DVec3::splat(f64::MAX));
-        let turned = Scan { alignment: DMat4::from_rotation_z(1.0), ..scan };
+        let turned = ScanMesh { alignment: DMat4::from_rotation_z(1.0), ..scan };
         let fault = turned.aligned(&mut corners).point(far).unwrap_err().to_string();
         assert!(fault.starts_with("an aligned vertex: expected finite coordinates"), "{fault}");
     }
@@ -135,7 +135,7 @@ mod tests {
     fn what_is_wrong_with_a_scan_names_its_file() {
         let folder = scan("axisAlignment = 1 2");
         let message = scan_of(folder.path()).err().unwrap().to_string();
-        assert!(message.ends_with("scene0001_00.txt: axisAlignment: expected 16 numbers, found 2"), "{message}");
+        assert!(message.ends_with("scene0001_00.txt: axisAlignment must be 16 numbers; found 2"), "{message}");
         let folder = tempfile::tempdir().unwrap();
         for part in ["pose", "color"] {
             fs::create_dir(folder.path().join(part)).unwrap();

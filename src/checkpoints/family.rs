@@ -2,7 +2,7 @@
 
 use glam::{DVec3, UVec3};
 
-use super::state::{State, whole};
+use super::state::{CheckpointState, whole};
 use strivec_format::geometry::{Aabb, Similarity};
 use strivec_format::model::{
     Aggregation, ColorSpace, Coverage, Decoder, DecoderMode, Frame, Linear, Occupancy, Reduction, Rules, UpAxis,
@@ -25,7 +25,7 @@ pub(super) const MAX_CELLS: usize = 1024;
 pub(super) const MAX_RANK: u64 = 512;
 
 /// The box that rays march through.
-pub(super) fn bounds(state: &mut State<'_, '_>) -> Result<Aabb, Fault> {
+pub(super) fn bounds(state: &mut CheckpointState<'_, '_>) -> Result<Aabb, Fault> {
     let corners: [f64; 6] = state.setting("aabb")?;
     let bounds = Aabb { min: DVec3::from_slice(&corners[..3]), max: DVec3::from_slice(&corners[3..]) };
     if bounds.is_solid() {
@@ -35,7 +35,7 @@ pub(super) fn bounds(state: &mut State<'_, '_>) -> Result<Aabb, Fault> {
 }
 
 /// The dataset's space is the model's.
-pub(super) fn frame(state: &mut State<'_, '_>, options: &SceneOptions) -> Result<Frame, Fault> {
+pub(super) fn frame(state: &mut CheckpointState<'_, '_>, options: &SceneOptions) -> Result<Frame, Fault> {
     let [near, far] = state.setting("near_far")?;
     Ok(Frame {
         model_from_dataset: Similarity::IDENTITY,
@@ -49,7 +49,7 @@ pub(super) fn frame(state: &mut State<'_, '_>, options: &SceneOptions) -> Result
 }
 
 /// The rules of TensoRF's march. A step is `step_ratio` times the mean edge of `cell`.
-pub(super) fn rules(state: &mut State<'_, '_>, cell: DVec3) -> Result<Rules, Fault> {
+pub(super) fn rules(state: &mut CheckpointState<'_, '_>, cell: DVec3) -> Result<Rules, Fault> {
     let activation = state.text("fea2denseAct")?;
     if activation != "softplus" {
         let instead = "train with fea2denseAct = softplus";
@@ -83,7 +83,7 @@ pub(super) fn by_row(numbers: &[f32], rank: usize) -> impl Iterator<Item = f32> 
 }
 
 /// The network of the shading modes `MLP_Fea` and `MLP`, whose input is features, direction and their encodings.
-pub(super) fn decoder(state: &mut State<'_, '_>, features: u32) -> Result<Decoder, Fault> {
+pub(super) fn decoder(state: &mut CheckpointState<'_, '_>, features: u32) -> Result<Decoder, Fault> {
     let mode = state.text("shadingMode")?;
     let feature_frequencies = match mode.as_str() {
         "MLP_Fea" => state.count("fea_pe")?,
@@ -119,9 +119,9 @@ pub(super) fn decoder(state: &mut State<'_, '_>, features: u32) -> Result<Decode
 }
 
 /// The alpha mask: a bit for each vertex, most significant first, x fastest. TensoRF samples where its interpolation is positive.
-pub(super) fn occupancy(state: &mut State<'_, '_>) -> Result<Option<Occupancy>, Fault> {
+pub(super) fn occupancy(state: &mut CheckpointState<'_, '_>) -> Result<Option<Occupancy>, Fault> {
     let Some(mask) = state.at_root("alphaMask.mask") else { return Ok(None) };
-    let part = |state: &State<'_, '_>, name: &str| {
+    let part = |state: &CheckpointState<'_, '_>, name: &str| {
         state.at_root(name).ok_or_else(|| Fault::malformed("the keys of the checkpoint", name, "alphaMask.mask alone"))
     };
     let (shape, corners) = (part(state, "alphaMask.shape")?, part(state, "alphaMask.aabb")?);

@@ -170,7 +170,7 @@ impl Numbers<'_> {
 /// If `out` fails, and [`ErrorKind::InvalidInput`] if a tensor or array has more or fewer numbers than its shape, or a text
 /// has 4 GiB.
 pub fn write_checkpoint<W: Write + Seek>(out: W, root: &Value<'_>) -> io::Result<W> {
-    let pickle = Pickle::of(root)?;
+    let pickle = PickleWriter::of(root)?;
     let mut zip = ZipWriter::new(out);
     let start = |zip: &mut ZipWriter<W>, name: &str, bytes: usize| {
         let options = SimpleFileOptions::default()
@@ -200,7 +200,7 @@ pub fn write_checkpoint<W: Write + Seek>(out: W, root: &Value<'_>) -> io::Result
 /// If `out` fails, and [`ErrorKind::InvalidInput`] as [`write_checkpoint`], and if there is a tensor, whose numbers a pickle does
 /// not hold.
 pub fn write_pickle(mut out: impl Write, root: &Value<'_>) -> io::Result<()> {
-    let pickle = Pickle::of(root)?;
+    let pickle = PickleWriter::of(root)?;
     if !pickle.tensors.is_empty() {
         return Err(io::Error::new(ErrorKind::InvalidInput, "a pickle alone cannot hold a tensor"));
     }
@@ -217,13 +217,13 @@ fn check_count(shape: &[usize], found: usize) -> io::Result<()> {
 }
 
 /// A pickle of protocol 2, as PyTorch's.
-struct Pickle<'a> {
+struct PickleWriter<'a> {
     bytes: Vec<u8>,
     /// The numbers of each tensor; their places are the keys of the storages.
     tensors: Vec<&'a Numbers<'a>>,
 }
 
-impl<'a> Pickle<'a> {
+impl<'a> PickleWriter<'a> {
     fn of(root: &'a Value<'a>) -> io::Result<Self> {
         let mut pickle = Self { bytes: b"\x80\x02".to_vec(), tensors: Vec::new() };
         pickle.put(root)?;

@@ -1,28 +1,28 @@
 //! The settings and parameters of a checkpoint of TensoRF's family: `kwargs` and `state_dict`.
 
-use crate::torch::{Checkpoint, Id, Value};
+use crate::torch::{Id, TorchFile, Value};
 use strivec_import::Fault;
 
 /// A checkpoint with its settings and parameters.
-pub(super) struct State<'a, 'b> {
-    checkpoint: Checkpoint<'a, 'b>,
+pub(super) struct CheckpointState<'a, 'b> {
+    checkpoint: TorchFile<'a, 'b>,
     settings: Id,
     parameters: Id,
 }
 
 /// An array of the checkpoint, in C order.
-pub(super) struct Array {
+pub(super) struct CheckpointArray {
     pub(super) shape: Vec<usize>,
     pub(super) values: Vec<f32>,
 }
 
-impl<'a, 'b> State<'a, 'b> {
+impl<'a, 'b> CheckpointState<'a, 'b> {
     /// The parts of `checkpoint`.
     ///
     /// # Errors
     ///
     /// If it lacks one of them.
-    pub(super) fn new(checkpoint: Checkpoint<'a, 'b>) -> Result<Self, Fault> {
+    pub(super) fn new(checkpoint: TorchFile<'a, 'b>) -> Result<Self, Fault> {
         let part = |name: &str| {
             let pickle = &checkpoint.pickle;
             let missing = || Fault::malformed("the keys of the checkpoint", name, pickle.keys(pickle.root));
@@ -87,7 +87,7 @@ impl<'a, 'b> State<'a, 'b> {
     /// # Errors
     ///
     /// If it is missing or has another shape.
-    pub(super) fn parameter(&mut self, name: &str, expected: &[Option<usize>]) -> Result<Array, Fault> {
+    pub(super) fn parameter(&mut self, name: &str, expected: &[Option<usize>]) -> Result<CheckpointArray, Fault> {
         let pickle = &self.checkpoint.pickle;
         let place = format!("state_dict {name}");
         let id = pickle.get(self.parameters, name);
@@ -113,7 +113,7 @@ impl<'a, 'b> State<'a, 'b> {
             values.push(value);
             Ok(())
         })?;
-        Ok(Array { shape, values })
+        Ok(CheckpointArray { shape, values })
     }
 }
 

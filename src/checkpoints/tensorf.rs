@@ -7,8 +7,8 @@
 use glam::DVec3;
 
 use super::family::{MAX_CELLS, MAX_RANK, SceneOptions, bounds, by_row, decoder, frame, occupancy, rules};
-use super::state::{Array, State};
-use crate::torch::Checkpoint;
+use super::state::{CheckpointArray, CheckpointState};
+use crate::torch::TorchFile;
 use strivec_format::model::{AppearanceMatrix, Block, Factors, Form, Placement, Provenance, Scale, Scene, TensorCloud};
 use strivec_import::{Fault, Input};
 
@@ -18,7 +18,7 @@ use strivec_import::{Fault, Input};
 ///
 /// If the file is damaged, or computes what a scene cannot express.
 pub fn read(input: &mut Input<'_>, options: &SceneOptions) -> Result<Scene, Fault> {
-    let mut state = State::new(Checkpoint::open(input)?)?;
+    let mut state = CheckpointState::new(TorchFile::open(input)?)?;
     let bounds = bounds(&mut state)?;
     let grid: [f64; 3] = state.setting("gridSize")?;
     if grid.iter().any(|n| n.fract() != 0.0 || !(2.0..=MAX_CELLS as f64 + 1.0).contains(n)) {
@@ -53,13 +53,18 @@ pub fn read(input: &mut Input<'_>, options: &SceneOptions) -> Result<Scene, Faul
             tool: "TensoRF".into(),
         },
     };
-    scene.check().map_err(|e| Fault::malformed(e.place, e.expected, e.found))?;
+    scene.check()?;
     Ok(scene)
 }
 
 /// The numbers of TensoRF's lines and planes belong to axes in the reverse order: line i lies along axis 2 − i, plane i is over
 /// the other two.
-fn blocks(state: &mut State<'_, '_>, part: &str, vertices: [usize; 3], has_planes: bool) -> Result<Vec<Block>, Fault> {
+fn blocks(
+    state: &mut CheckpointState<'_, '_>,
+    part: &str,
+    vertices: [usize; 3],
+    has_planes: bool,
+) -> Result<Vec<Block>, Fault> {
     let mut lines = Vec::new();
     for axis in 0..3 {
         let name = format!("{part}_line.{}", 2 - axis);
@@ -67,7 +72,7 @@ fn blocks(state: &mut State<'_, '_>, part: &str, vertices: [usize; 3], has_plane
         Fault::unless_within(&format!("components of state_dict {name}"), MAX_RANK, line.shape[1] as u64)?;
         lines.push(line);
     }
-    let block = |form, factors: &[&Array]| {
+    let block = |form, factors: &[&CheckpointArray]| {
         let rank = factors[0].shape[1];
         let mut values = Vec::new();
         factors.iter().for_each(|factor| values.extend(by_row(&factor.values, rank)));
@@ -94,10 +99,10 @@ fn blocks(state: &mut State<'_, '_>, part: &str, vertices: [usize; 3], has_plane
 }
 
 /// `basis_mat`, whose columns are the components of line 0, then those of line 1 and of line 2; of a CP model, all components.
-fn matrix(state: &mut State<'_, '_>, factors: &Factors) -> Result<AppearanceMatrix, Fault> {
+fn matrix(state: &mut CheckpointState<'_, '_>, factors: &Factors) -> Result<AppearanceMatrix, Fault> {
     let ranks: Vec<usize> = factors.appearance.iter().map(|block| block.rank as usize).collect();
     let rank: usize = ranks.iter().sum();
-    let Array { shape, values } = state.parameter("basis_mat.weight", &[None, Some(rank)])?;
+    let CheckpointArray { shape, values } = state.parameter("basis_mat.weight", &[None, Some(rank)])?;
     let mut weights = Vec::with_capacity(values.len());
     for row in values.chunks_exact(rank.max(1)) {
         let mut end = rank;

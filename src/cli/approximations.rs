@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use super::Error;
-use super::error::flag_of;
+use super::error::with_flags;
 use super::named_value::one_of;
-use strivec_field::render::{ApproximationError, ParetoError, ParetoFront, QualitySelector, RenderSettings};
+use strivec_field::render::{ParetoFront, QualitySelector, RenderSettings};
+use strivec_format::Invalid;
 use strivec_format::container::SceneFile;
 use strivec_format::model::DecoderMode;
 
@@ -92,7 +93,7 @@ pub(super) fn stored_settings(
     path: &Path,
     size: [u32; 2],
 ) -> Result<RenderSettings, Error> {
-    let named = |e: ParetoError| Error::Usage(format!("{}: {e}", path.display()));
+    let named = |e: Invalid| Error::Usage(format!("{}: {e}", path.display()));
     let front = ParetoFront::from_notes(&scene_file.metadata.notes).ok_or_else(|| {
         let message = "the file stores no render settings; `strivec trade FILE --store` measures and stores them";
         Error::Usage(format!("{}: {message}", path.display()))
@@ -108,9 +109,9 @@ impl QualityArgs {
     }
 }
 
-impl From<ApproximationError> for Error {
-    fn from(error: ApproximationError) -> Self {
-        let ApproximationError { option, expected, found } = error;
-        Self::Usage(format!("{}: expected {expected}, found {found}", flag_of(option)))
+impl From<Invalid> for Error {
+    /// Approximations are flags of commands.
+    fn from(error: Invalid) -> Self {
+        Self::Usage(with_flags(&error))
     }
 }

@@ -8,12 +8,12 @@ use serde::Serialize;
 use super::approximations::Approximations;
 use super::backend::BackendOptions;
 use super::evaluation::{
-    Cell, Evaluated, Evaluator, MeasureOptions, Metric, OutputOptions, Page, PageTable, Photographs, SceneToEvaluate,
-    ShownView,
+    Evaluated, Evaluator, MeasureOptions, Metric, OutputOptions, Page, PageTable, Photographs, SceneToEvaluate,
+    ShownView, TableCell,
 };
 use super::table::{Table, plural};
-use super::{Error, Session};
-use strivec_capture::dataset::{Dataset, View};
+use super::{Context, Error};
+use strivec_capture::dataset::{Dataset, Photograph};
 use strivec_format::digits::{grouped, numbers};
 use strivec_measure::{PairedDifference, ViewReport};
 
@@ -47,25 +47,25 @@ pub(super) struct Args {
 
 /// The result, as `--json` prints it.
 #[derive(Serialize)]
-struct Comparison<'a> {
+struct PictureComparison<'a> {
     dataset: &'a str,
     split: &'a str,
     downscale: u32,
     files: Vec<Evaluated>,
     /// For each file but the first the differences of its numbers to those of the first.
-    differences: Vec<Differences>,
+    differences: Vec<FileDifferences>,
 }
 
 /// Differences of a file's numbers to those of the first file.
 #[derive(Serialize)]
-struct Differences {
+struct FileDifferences {
     file: PathBuf,
     /// Differences by metric; metrics that a view lacks are left out.
     #[serde(flatten)]
     by_metric: BTreeMap<&'static str, PairedDifference>,
 }
 
-impl Differences {
+impl FileDifferences {
     fn new(file: &Evaluated, first: &Evaluated) -> Self {
         let views = || file.report.views.iter().zip(&first.report.views);
         let of = |metric: Metric| {
@@ -88,7 +88,7 @@ impl Differences {
 }
 
 /// Evaluates the files one after another and compares them view by view.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     args.backend.check()?;
     args.outputs.check(session)?;
     let scenes: Vec<_> =
@@ -109,16 +109,16 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         session.console.say(&format!("{}: {}", letter(n), scene.path().display()));
         files.push(evaluator.evaluate(scene, &views, |view| pictures.add(view, &letter(n).to_string()))?);
     }
-    let differences = files[1..].iter().map(|file| Differences::new(file, &files[0])).collect();
+    let differences = files[1..].iter().map(|file| FileDifferences::new(file, &files[0])).collect();
     let Photographs { split, downscale, .. } = &args.photographs;
-    let comparison = Comparison { dataset: &name, split, downscale: *downscale, files, differences };
+    let comparison = PictureComparison { dataset: &name, split, downscale: *downscale, files, differences };
     let reports: Vec<(&Path, _)> = comparison.files.iter().map(|file| (file.file.as_path(), &file.report)).collect();
     args.outputs.write(&reports, || page(&comparison, pictures.into_views()), session)?;
     session.console.result(&comparison, text)
 }
 
 /// Errors if the photographs, which are partly transparent, would be composited on several backgrounds.
-fn check_backgrounds(scenes: &[SceneToEvaluate], views: &[View]) -> Result<(), Error> {
+fn check_backgrounds(scenes: &[SceneToEvaluate], views: &[Photograph]) -> Result<(), Error> {
     let first = &scenes[0];
     let background = first.background();
     let depends =
@@ -141,7 +141,7 @@ fn letter(n: usize) -> char {
     char::from(b'A' + n as u8)
 }
 
-fn text(comparison: &Comparison<'_>) -> String {
+fn text(comparison: &PictureComparison<'_>) -> String {
     let mut files = Table::new(["", "file", "bytes"]);
     for (n, file) in comparison.files.iter().enumerate() {
         files.row([letter(n).to_string(), file.file.display().to_string(), grouped(file.bytes)]);
@@ -154,20 +154,20 @@ fn text(comparison: &Comparison<'_>) -> String {
 }
 
 /// Headings of the means: each file, and the difference of each but the first to the first.
-fn mean_columns(comparison: &Comparison<'_>) -> Vec<String> {
+fn mean_columns(comparison: &PictureComparison<'_>) -> Vec<String> {
     let files = comparison.files.len();
     let means = (0..files).map(|n| letter(n).to_string());
     ["mean".to_owned()].into_iter().chain(means).chain((1..files).map(difference_heading)).collect()
 }
 
 /// For each metric a row of texts, and of the numbers that they show.
-fn mean_rows(comparison: &Comparison<'_>) -> Vec<Vec<(String, Option<f64>)>> {
+fn mean_rows(comparison: &PictureComparison<'_>) -> Vec<Vec<(String, Option<f64>)>> {
     let row = |metric: Metric| {
         let mean = |file: &Evaluated| {
             let mean = metric.mean(&file.report);
             (metric.mean_text(mean), mean)
         };
-        let difference = |differences: &Differences| {
+        let difference = |differences: &FileDifferences| {
             let mean = differences.by_metric.get(metric.name).map(|difference| difference.mean);
             (differences.text(metric), mean)
         };
@@ -183,13 +183,13 @@ fn difference_heading(n: usize) -> String {
 }
 
 /// How differences are computed.
-fn note(comparison: &Comparison<'_>) -> String {
+fn note(comparison: &PictureComparison<'_>) -> String {
     let views = comparison.files[0].report.views.len();
     format!("mean over {} ± its standard error", plural(views, "view"))
 }
 
-fn page(comparison: &Comparison<'_>, views: Vec<ShownView>) -> Page {
-    let Comparison { dataset, split, downscale, files, .. } = comparison;
+fn page(comparison: &PictureComparison<'_>, views: Vec<ShownView>) -> Page {
+    let PictureComparison { dataset, split, downscale, files, .. } = comparison;
     let fact = |name: &str, value: String| (name.to_owned(), value);
     let facts = vec![
         fact("dataset", format!("{dataset}, split {split}, downscaled {downscale} times")),
@@ -202,8 +202,8 @@ fn page(comparison: &Comparison<'_>, views: Vec<ShownView>) -> Page {
 
 fn files_table(files: &[Evaluated]) -> PageTable {
     let row = |(n, file): (usize, &Evaluated)| {
-        let size = Cell::number(Some(file.bytes as f64), grouped(file.bytes));
-        vec![Cell::name(format!("{}: {}", letter(n), file.file.display())), size]
+        let size = TableCell::number(Some(file.bytes as f64), grouped(file.bytes));
+        vec![TableCell::name(format!("{}: {}", letter(n), file.file.display())), size]
     };
     PageTable {
         heading: "Files".into(),
@@ -212,9 +212,9 @@ fn files_table(files: &[Evaluated]) -> PageTable {
     }
 }
 
-fn means_table(comparison: &Comparison<'_>) -> PageTable {
+fn means_table(comparison: &PictureComparison<'_>) -> PageTable {
     let row = |row: Vec<(String, Option<f64>)>| {
-        let cell = |(n, (text, value))| if n == 0 { Cell::name(text) } else { Cell::number(value, text) };
+        let cell = |(n, (text, value))| if n == 0 { TableCell::name(text) } else { TableCell::number(value, text) };
         row.into_iter().enumerate().map(cell).collect()
     };
     let rows = mean_rows(comparison).into_iter().map(row).collect();
@@ -234,17 +234,17 @@ fn views_table(files: &[Evaluated]) -> PageTable {
         let of_file = |n: usize| &files[n].report.views[view];
         let number = |n| {
             let value = metric.of_view(of_file(n));
-            Cell::number(value, metric.text(value))
+            TableCell::number(value, metric.text(value))
         };
         let difference = |n| {
             let value = metric.difference(of_file(n), of_file(0));
-            Cell::number(value, value.map_or_else(|| "-".to_owned(), |value| metric.difference_text(value, true)))
+            TableCell::number(value, value.map_or_else(|| "-".to_owned(), |value| metric.difference_text(value, true)))
         };
         (0..files.len()).map(number).chain((1..files.len()).map(difference)).collect::<Vec<_>>()
     };
     let row = |(n, view): (usize, &ViewReport)| {
         let numbers = metrics.iter().flat_map(|&metric| numbers(metric, n));
-        [Cell::name(&view.name)].into_iter().chain(numbers).collect()
+        [TableCell::name(&view.name)].into_iter().chain(numbers).collect()
     };
     PageTable {
         heading: "Views".into(),

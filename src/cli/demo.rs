@@ -9,7 +9,7 @@ use super::observer::ConsoleObserver;
 use super::output::{check_outputs, make_folder};
 use super::render::colors;
 use super::table::plural;
-use super::{Error, Session, write_atomically};
+use super::{Context, Error, write_atomically};
 use strivec_capture::dataset;
 use strivec_capture::dataset::LoadOptions;
 use strivec_field::render::{CpuRenderer, Renderer};
@@ -17,7 +17,7 @@ use strivec_format::container;
 use strivec_format::container::{EncodeOptions, Encoding};
 use strivec_format::escape::escaped_path;
 use strivec_measure as measure;
-use strivec_measure::{Canvas, ERROR_FULL, ViewReport, color_png, error_map, side_by_side, stacked};
+use strivec_measure::{ERROR_FULL, Sheet, ViewReport, color_png, error_map, side_by_side, stacked};
 use strivec_synth::SynthOptions;
 use strivec_train::TrainConfig;
 use strivec_train::recipe;
@@ -62,7 +62,7 @@ struct Demo {
 }
 
 /// Makes the dataset, trains and evaluates.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     make_folder(&args.out)?;
     let [folder, file, sheet] = ["dataset", "demo.strivec", "sheet.png"].map(|name| args.out.join(name));
     check_outputs(&[file.clone(), sheet.clone()], session.force)?;
@@ -105,7 +105,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         reports.push(ViewReport::new(&view.name, size, &rendered, &photograph, None)?);
         if rows.len() < ON_SHEET {
             let difference = error_map(&rendered, &photograph, ERROR_FULL)?;
-            let pictures = [photograph, rendered, difference].map(|colors| Canvas { size, colors });
+            let pictures = [photograph, rendered, difference].map(|colors| Sheet { size, colors });
             rows.push(side_by_side(&pictures));
         }
     }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use strivec_capture::{dataset, prior};
 use strivec_export as interop;
-use strivec_format::container;
+use strivec_format::{container, named_by};
 use strivec_import as import;
 use strivec_measure as measure;
 use strivec_train as train;
@@ -85,9 +85,9 @@ impl Error {
     /// For `map_err` if the scene was not exported to `path`.
     pub(super) fn interop(path: &Path) -> impl FnOnce(interop::Error) -> Self {
         move |error| {
-            let message = format!("{}: {}", path.display(), with_flags(&error.to_string()));
+            let message = format!("{}: {}", path.display(), with_flags(&error));
             match error {
-                interop::Error::Setting { .. } | interop::Error::TooLarge { .. } => Self::Usage(message),
+                interop::Error::Setting(_) | interop::Error::TooLarge { .. } => Self::Usage(message),
                 interop::Error::Io(_) => Self::Io(message),
                 interop::Error::Checkpoint(error) => Self::checkpoint(path)(error),
                 _ => Self::Runtime(message),
@@ -125,7 +125,7 @@ impl Error {
 
 impl From<dataset::Error> for Error {
     fn from(error: dataset::Error) -> Self {
-        let message = with_flags(&error.to_string());
+        let message = with_flags(&error);
         match error.kind() {
             dataset::ErrorKind::Io => Self::Io(message),
             dataset::ErrorKind::Malformed | dataset::ErrorKind::Limit => Self::Malformed(message),
@@ -136,7 +136,7 @@ impl From<dataset::Error> for Error {
 
 impl From<strivec_synth::Error> for Error {
     fn from(error: strivec_synth::Error) -> Self {
-        let message = with_flags(&error.to_string());
+        let message = with_flags(&error);
         if error.is_io() { Self::Io(message) } else { Self::Usage(message) }
     }
 }
@@ -150,7 +150,7 @@ impl From<measure::Error> for Error {
 
 impl From<import::ImportError> for Error {
     fn from(error: import::ImportError) -> Self {
-        let message = with_flags(&error.to_string());
+        let message = with_flags(&error);
         match error.fault {
             import::Fault::Io(_) => Self::Io(message),
             _ => Self::Malformed(message),
@@ -160,10 +160,10 @@ impl From<import::ImportError> for Error {
 
 impl From<prior::BuildError> for Error {
     fn from(error: prior::BuildError) -> Self {
-        let message = with_flags(&error.to_string());
+        let message = with_flags(&error);
         match error {
             prior::BuildError::Import(error) => error.into(),
-            prior::BuildError::Nothing { .. } | prior::BuildError::OnePlace { .. } => Self::Malformed(message),
+            prior::BuildError::Nothing(_) | prior::BuildError::OnePlace { .. } => Self::Malformed(message),
             prior::BuildError::Prior(_) | prior::BuildError::TooManyPoints { .. } => Self::Usage(message),
             _ => Self::Runtime(message),
         }
@@ -172,11 +172,10 @@ impl From<prior::BuildError> for Error {
 
 impl From<train::PrepareError> for Error {
     fn from(error: train::PrepareError) -> Self {
-        let message = with_flags(&error.to_string());
+        let message = with_flags(&error);
         match error {
-            train::PrepareError::Prior(prior::Error::Option { .. }) | train::PrepareError::Config(_) => {
-                Self::Usage(message)
-            }
+            train::PrepareError::Prior(prior::Error::Option(_) | prior::Error::TooWide { .. })
+            | train::PrepareError::Config(_) => Self::Usage(message),
             train::PrepareError::Prior(prior::Error::Cancelled { .. }) => Self::Runtime(message),
             train::PrepareError::Prior(_) => Self::Malformed(message),
             train::PrepareError::Train(error) => error.into(),
@@ -199,7 +198,7 @@ impl From<train::TrainError> for Error {
 
 impl From<recipe::FileError> for Error {
     fn from(error: recipe::FileError) -> Self {
-        let message = with_flags(&error.to_string());
+        let message = with_flags(&error);
         if error.is_io() { Self::Io(message) } else { Self::Usage(message) }
     }
 }
@@ -215,7 +214,7 @@ impl From<recipe::PosesError> for Error {
 
 impl From<recipe::Error> for Error {
     fn from(error: recipe::Error) -> Self {
-        let message = with_flags(&error.to_string());
+        let message = with_flags(&error);
         match error {
             recipe::Error::Dataset(error) => error.into(),
             recipe::Error::Prior(error) => error.into(),
@@ -252,67 +251,60 @@ fn format_of(bytes: &[u8]) -> String {
     }
 }
 
-/// Fields of the library's options whose flag has another name.
-const RENAMED: [(&str, &str); 6] = [
-    ("max_reprojection_error", "--max-error"),
-    ("budget", "--max-params or --max-size"),
+/// The flags of the library's options. Other options, such as most of a configuration's, have no flag.
+const FLAGS: [(&str, &str); 36] = [
+    ("alpha", "--alpha"),
+    ("background", "--background"),
     ("batch_rays", "--batch"),
-    ("near_far", "--near and --far"),
+    ("bounds", "--bounds"),
+    ("budget", "--max-params or --max-size"),
+    ("close", "--close"),
+    ("crop", "--crop"),
+    ("decoder", "--decoder"),
+    ("dilate", "--dilate"),
+    ("downscale", "--downscale"),
+    ("every", "--every"),
     ("files", "--prior"),
+    ("force", "--force"),
+    ("max_memory", "--max-memory"),
+    ("max_reprojection_error", "--max-error"),
+    ("min_alpha", "--min-alpha"),
+    ("min_confidence", "--min-confidence"),
+    ("min_points", "--min-points"),
+    ("min_track", "--min-track"),
+    ("min_transmittance", "--min-transmittance"),
+    ("min_weight", "--min-weight"),
+    ("near_far", "--near and --far"),
+    ("outliers", "--outliers"),
+    ("resolution", "--resolution"),
+    ("resume", "--resume"),
+    ("scale", "--scale"),
+    ("seed", "--seed"),
+    ("skip_missing", "--skip-missing"),
     ("sky_degree", "--sky"),
-];
-/// Fields whose flag is the field's name with hyphens. Other fields, such as most of a configuration's, have no flag.
-const SAME: [&str; 26] = [
-    "alpha",
-    "background",
-    "bounds",
-    "close",
-    "crop",
-    "dilate",
-    "downscale",
-    "every",
-    "force",
-    "max_memory",
-    "min_alpha",
-    "min_confidence",
-    "min_points",
-    "min_track",
-    "outliers",
-    "resolution",
-    "resume",
-    "scale",
-    "seed",
-    "skip_missing",
-    "steps",
-    "thickness",
-    "threshold",
-    "transform",
-    "up",
-    "voxel",
+    ("step_scale", "--step-scale"),
+    ("steps", "--steps"),
+    ("thickness", "--thickness"),
+    ("threshold", "--threshold"),
+    ("transform", "--transform"),
+    ("up", "--up"),
+    ("voxel", "--voxel"),
 ];
 
-/// The flag that sets `field` of the library's options.
-pub(super) fn flag_of(field: &str) -> String {
-    let known = RENAMED.iter().find(|(name, _)| *name == field);
-    known.map_or_else(|| format!("--{}", field.replace('_', "-")), |(_, flag)| (*flag).to_owned())
+/// The flag of the library's `option`.
+fn flag_of(option: &str) -> Option<String> {
+    FLAGS.iter().find(|(name, _)| *name == option).map(|(_, flag)| (*flag).to_owned())
 }
 
-/// `message` of the library with its fields, written as `` `field` ``, replaced by flags. Fields without a flag and other
-/// text in backticks stay as they are.
-pub(super) fn with_flags(message: &str) -> String {
-    let has_flag = |word: &str| SAME.contains(&word) || RENAMED.iter().any(|(name, _)| *name == word);
-    let mut parts: Vec<String> = message.split('`').map(str::to_owned).collect();
-    if parts.len().is_multiple_of(2) {
-        return message.to_owned();
-    }
-    for part in parts.iter_mut().skip(1).step_by(2) {
-        *part = if has_flag(part) { flag_of(part) } else { format!("`{part}`") };
-    }
-    parts.concat()
+/// The text of a `message` of the library, with flags for options. Options without a flag keep their names.
+pub(super) fn with_flags(message: &dyn Display) -> String {
+    named_by(flag_of, message)
 }
 
 #[cfg(test)]
 mod tests {
+    use strivec_format::{Invalid, Place};
+
     use super::*;
 
     #[test]
@@ -326,12 +318,25 @@ mod tests {
     }
 
     #[test]
-    fn fields_become_flags() {
-        assert_eq!(with_flags("too many cells; set `voxel` or `crop`"), "too many cells; set --voxel or --crop");
-        assert_eq!(with_flags("`factor_learning_rate` is 0"), "`factor_learning_rate` is 0");
-        assert_eq!((flag_of("step_scale"), flag_of("min_weight")), ("--step-scale".into(), "--min-weight".into()));
-        assert_eq!(with_flags("`top_k` is 0"), "`top_k` is 0", "training has no such flag");
-        assert_eq!(with_flags("run `strivec prior`; a ` alone"), "run `strivec prior`; a ` alone");
-        assert_eq!(with_flags("run `strivec prior`"), "run `strivec prior`");
+    fn options_become_flags() {
+        let invalid = |option| Invalid::new(Place::option(option), "at least 1", 0);
+        assert_eq!(with_flags(&invalid("batch_rays")), "--batch must be at least 1; found 0");
+        assert_eq!(with_flags(&invalid("min_points")), "--min-points must be at least 1; found 0");
+        assert_eq!(with_flags(&invalid("top_k")), "`top_k` must be at least 1; found 0", "training has no such flag");
+        let remedy = with_flags(&prior::Remedy::FewerCells);
+        assert_eq!(remedy, "choose a larger --voxel, or a --crop");
+        assert_eq!(prior::Remedy::FewerCells.to_string(), "choose a larger `voxel`, or a `crop`");
+    }
+
+    #[test]
+    fn words_like_options_stay_as_they_are() {
+        let key = Invalid::new(Place::Key("scale".into()), "one of `voxel` and `up`", "`force`");
+        for message in ["set `voxel`", "run `strivec prior`; a ` alone", "`scale`"] {
+            assert_eq!(with_flags(&message), message);
+        }
+        assert_eq!(with_flags(&key), "`scale` must be one of `voxel` and `up`; found `force`");
+        // An option beside such words becomes a flag.
+        let both = Invalid::new(Place::option("scale"), "one of `scale`", 0);
+        assert_eq!(with_flags(&both), "--scale must be one of `scale`; found 0");
     }
 }

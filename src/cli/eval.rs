@@ -7,16 +7,16 @@ use serde::Serialize;
 use super::approximations::Approximations;
 use super::backend::BackendOptions;
 use super::evaluation::{
-    Cell, Evaluated, Evaluator, MeasureOptions, Metric, OutputOptions, Page, PageTable, Photographs, SceneToEvaluate,
-    Shown, ShownView,
+    Evaluated, Evaluator, MeasureOptions, Metric, OutputOptions, Page, PageTable, Photographs, SceneToEvaluate, Shown,
+    ShownView, TableCell,
 };
 use super::output::{check_outputs, make_folder};
 use super::table::Table;
-use super::{Error, Session, write_atomically};
+use super::{Context, Error, write_atomically};
 use strivec_capture::dataset::Dataset;
 use strivec_format::digits::grouped;
 use strivec_measure::{
-    Canvas, ERROR_FULL, Parity, RegionReport, Report, ViewReport, color_png, error_map, side_by_side,
+    ERROR_FULL, Parity, RegionReport, Report, Sheet, ViewReport, color_png, error_map, side_by_side,
 };
 
 const EXAMPLES: &str = "\
@@ -64,7 +64,7 @@ struct Evaluation<'a> {
 }
 
 /// Renders the split's views and compares them.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     args.backend.check()?;
     args.outputs.check(session)?;
     let scene = SceneToEvaluate::read(&args.file, session)?;
@@ -101,10 +101,10 @@ fn sheet(folder: &Path, view: &str) -> PathBuf {
 }
 
 /// Writes the photograph, the rendering and the error side by side.
-fn write_sheet(path: &Path, view: &Shown<'_>, session: &Session) -> Result<(), Error> {
+fn write_sheet(path: &Path, view: &Shown<'_>, session: &Context) -> Result<(), Error> {
     let difference = error_map(view.rendered, view.photograph, ERROR_FULL)?;
     let pictures = [view.photograph.to_vec(), view.rendered.to_vec(), difference];
-    let joined = side_by_side(&pictures.map(|colors| Canvas { size: view.size, colors }));
+    let joined = side_by_side(&pictures.map(|colors| Sheet { size: view.size, colors }));
     write_atomically(path, &color_png(joined.size, &joined.colors)?, session.force)
 }
 
@@ -177,9 +177,9 @@ fn views_table(report: &Report) -> PageTable {
     let row = |view: &ViewReport| {
         let number = |metric: &Metric| {
             let value = metric.of_view(view);
-            Cell::number(value, metric.text(value))
+            TableCell::number(value, metric.text(value))
         };
-        [Cell::name(&view.name)].into_iter().chain(metrics.iter().map(number)).collect()
+        [TableCell::name(&view.name)].into_iter().chain(metrics.iter().map(number)).collect()
     };
     PageTable {
         heading: "Views".into(),
@@ -191,8 +191,8 @@ fn views_table(report: &Report) -> PageTable {
 fn regions_table(regions: &[RegionReport]) -> PageTable {
     let row = |region: &RegionReport| {
         let values = [region.share_of_pixels, region.share_of_error, region.psnr].map(Some);
-        let numbers = values.into_iter().zip(region_texts(region)).map(|(value, text)| Cell::number(value, text));
-        [Cell::name(region.region.name())].into_iter().chain(numbers).collect()
+        let numbers = values.into_iter().zip(region_texts(region)).map(|(value, text)| TableCell::number(value, text));
+        [TableCell::name(region.region.name())].into_iter().chain(numbers).collect()
     };
     PageTable {
         heading: "Regions of the photographs".into(),

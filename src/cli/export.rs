@@ -11,7 +11,7 @@ use super::output::write_atomically_with;
 use super::progress::Progress;
 use super::state_file::beside;
 use super::table::{plural, short};
-use super::{Error, Session, check_output, scene_file, write_atomically};
+use super::{Context, Error, check_output, scene_file, write_atomically};
 use strivec_checkpoints::authors::{AuthorsFiles, authors_files};
 use strivec_checkpoints::tensorf_checkpoint;
 use strivec_export as interop;
@@ -139,14 +139,14 @@ struct Report<'a> {
     file: &'a Path,
     kind: Kind,
     #[serde(flatten)]
-    contents: Contents,
+    contents: ExportContents,
     seconds: f64,
 }
 
 /// The contents of a file.
 #[derive(Serialize)]
 #[serde(untagged)]
-enum Contents {
+enum ExportContents {
     /// Contents of an exported surface.
     Surface {
         vertices: usize,
@@ -168,7 +168,7 @@ enum Contents {
 }
 
 /// Writes the file.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let (kind, extension) = kind_and_extension(args)?;
     check_output(&args.output, session.force)?;
     let (scene_file, _) = scene_file::read(&args.file, &session.console)?;
@@ -179,7 +179,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 }
 
 /// Writes the file of this kind and extension.
-fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Session) -> Result<Contents, Error> {
+fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Context) -> Result<ExportContents, Error> {
     let space = Space::from(args.space);
     // In percent.
     let progress = Progress::start(&session.console, "sample", 100);
@@ -208,7 +208,7 @@ fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Ses
                 _ => Ok(interop::write_ply(&mesh, file)?),
             })?;
             let bounds = corners(&Aabb::from_points(mesh.positions.iter().copied()));
-            Ok(Contents::Surface { vertices: mesh.positions.len(), triangles: mesh.triangles.len(), bounds })
+            Ok(ExportContents::Surface { vertices: mesh.positions.len(), triangles: mesh.triangles.len(), bounds })
         }
         Kind::Occupancy => {
             let options = OccupancyOptions { resolution: args.resolution, space };
@@ -218,18 +218,22 @@ fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Ses
                 Ok(())
             })?;
             let grid = written.expect("a grid was written");
-            Ok(Contents::Cells { cells: grid.cells.into(), occupied: grid.occupied, bounds: corners(&grid.bounds) })
+            Ok(ExportContents::Cells {
+                cells: grid.cells.into(),
+                occupied: grid.occupied,
+                bounds: corners(&grid.bounds),
+            })
         }
         Kind::Dvgo => {
             let resolution = args.resolution.unwrap_or(DvgoOptions::default().resolution);
             let checkpoint = dvgo_checkpoint(scene, &DvgoOptions { resolution, space }, &sampled).map_err(failed())?;
             write(&mut |file| Ok(strivec_checkpoints::write_checkpoint(file, &checkpoint).map(drop)?))?;
-            Ok(Contents::Voxels { resolution })
+            Ok(ExportContents::Voxels { resolution })
         }
         Kind::Tensorf => {
             let checkpoint = tensorf_checkpoint(scene).map_err(Error::checkpoint(&args.output))?;
             write(&mut |file| Ok(strivec_checkpoints::write_checkpoint(file, &checkpoint).map(drop)?))?;
-            Ok(Contents::Parameters { parameters: scene.parameter_count() })
+            Ok(ExportContents::Parameters { parameters: scene.parameter_count() })
         }
         Kind::Authors => {
             let AuthorsFiles { checkpoint, beside: files } =
@@ -241,11 +245,11 @@ fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Ses
             for (path, bytes) in &files {
                 write_atomically(path, bytes, session.force)?;
             }
-            Ok(Contents::Parameters { parameters: scene.parameter_count() })
+            Ok(ExportContents::Parameters { parameters: scene.parameter_count() })
         }
         Kind::Factors => {
             write(&mut |file| interop::write_factors(scene, file))?;
-            Ok(Contents::Parameters { parameters: scene.parameter_count() })
+            Ok(ExportContents::Parameters { parameters: scene.parameter_count() })
         }
     }
 }
@@ -262,7 +266,7 @@ fn text(report: &Report) -> String {
         format!("from {min} to {max}")
     };
     let contents = match &report.contents {
-        Contents::Surface { vertices, triangles, bounds } => {
+        ExportContents::Surface { vertices, triangles, bounds } => {
             let count = match report.kind {
                 Kind::Points => plural(*vertices, "point"),
                 Kind::Splats => plural(*vertices, "splat"),
@@ -270,11 +274,11 @@ fn text(report: &Report) -> String {
             };
             format!("{count}, {}", between(bounds))
         }
-        Contents::Cells { cells: [x, y, z], occupied, bounds } => {
+        ExportContents::Cells { cells: [x, y, z], occupied, bounds } => {
             format!("{} of {x} x {y} x {z} cells, {}", grouped(*occupied), between(bounds))
         }
-        Contents::Voxels { resolution } => format!("{resolution} voxels along the longest edge"),
-        Contents::Parameters { parameters } => format!("{} parameters", grouped(*parameters)),
+        ExportContents::Voxels { resolution } => format!("{resolution} voxels along the longest edge"),
+        ExportContents::Parameters { parameters } => format!("{} parameters", grouped(*parameters)),
     };
     format!("{}: {contents}, in {:.1} s", escaped_path(report.file), report.seconds)
 }

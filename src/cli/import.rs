@@ -8,7 +8,7 @@ use super::named_value::one_of;
 use super::output::check_scene_name;
 use super::state_file::beside;
 use super::table::plural;
-use super::{Error, Session, check_output, numbers, write_atomically};
+use super::{Context, Error, check_output, numbers, write_atomically};
 use strivec_checkpoints::authors;
 use strivec_checkpoints::authors::{Config, Model, Places};
 use strivec_checkpoints::{SceneOptions, tensorf};
@@ -87,7 +87,7 @@ struct Report<'a> {
 }
 
 /// Reads the checkpoint and writes the scene.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     check_scene_name(&args.output)?;
     check_output(&args.output, session.force)?;
     let options = SceneOptions { background: args.background, up: args.up, dataset: args.dataset.clone() };

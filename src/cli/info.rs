@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::scale_table::ScaleRow;
 use super::table::{Table, plural, short};
-use super::{Error, Session, scale_table, scene_file};
+use super::{Context, Error, scale_table, scene_file};
 use strivec_format::container;
 use strivec_format::container::{Contents, Metadata};
 use strivec_format::digits::grouped;
@@ -67,7 +67,7 @@ pub(super) struct Info {
 }
 
 /// Prints the contents of the files, then the errors.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let one = |path: &PathBuf| {
         let (scene_file, bytes) = scene_file::read(path, &session.console)?;
         let contents = container::sections(&bytes).map_err(|e| Error::container(path, e))?;

@@ -64,7 +64,7 @@ pub use error::Error;
 pub use host::{Call, Host};
 pub use info::info_of;
 pub use output::{check_output, write_atomically};
-use session::{Globals, Session, run_call, run_command};
+use session::{Context, Globals, run_call, run_command};
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 interrupted or any other failure, 5 unsupported file or too little memory.
@@ -139,7 +139,7 @@ pub fn call(arguments: &[OsString], call: &Call) -> Result<Vec<String>, Error> {
     run_call(removed::parsed(Cli::try_parse_from(words)).map(|cli| (cli.globals, cli.command)), call, run)
 }
 
-fn run(command: &Command, session: &Session) -> Result<(), Error> {
+fn run(command: &Command, session: &Context) -> Result<(), Error> {
     match command {
         Command::Demo(args) => demo::run(args, session),
         Command::Pose(args) => pose::run(args, session),

@@ -1,5 +1,6 @@
 //! Messages and progress of a training on the console.
 
+use std::fmt::Display;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -39,7 +40,7 @@ impl<'a> ConsoleObserver<'a> {
 }
 
 impl Observer for ConsoleObserver<'_> {
-    fn message(&mut self, text: &str) {
+    fn message(&mut self, text: &dyn Display) {
         self.suspend(|| self.console.say(&with_flags(text)));
     }
 

@@ -10,7 +10,7 @@ use super::prior::Inputs;
 use super::scale_table::{self, ScaleRow};
 use super::settings::{Fitting, Settings};
 use super::table::plural;
-use super::{Error, Session};
+use super::{Context, Error};
 use crate::bench::lab;
 use strivec_capture::dataset;
 use strivec_format::digits::grouped;
@@ -67,14 +67,14 @@ struct Report {
     gives_up_parameters: bool,
     /// Time of the coarse reconstruction; absent if the prior is from files.
     prior_seconds: Option<f64>,
-    machine: Machine,
+    machine: MachineFigures,
     /// Reasons of the settings, and advice from the photographs.
     reasons: Vec<String>,
 }
 
 /// The machine's speed, from which minutes are estimated.
 #[derive(Serialize)]
-struct Machine {
+struct MachineFigures {
     threads: usize,
     /// FLOP/s of a thread in matrix products.
     product_flops: f64,
@@ -83,7 +83,7 @@ struct Machine {
 }
 
 /// Estimates size, memory and time.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let mut config = args.settings.configuration()?;
     let options = args.settings.basics.photographs(&args.dataset, config.max_photograph_side, session)?;
     let named = dataset::load_cameras(&args.dataset, "train", None, &options)?;
@@ -114,7 +114,8 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     if !args.fitting.is_by_photographs_alone() {
         reasons.extend(plan.reasons);
     }
-    let machine = Machine { threads: speed.threads, product_flops: speed.product_flops, gathered: speed.gathered };
+    let machine =
+        MachineFigures { threads: speed.threads, product_flops: speed.product_flops, gathered: speed.gathered };
     let report = Report {
         scales,
         decoder_parameters,

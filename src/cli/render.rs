@@ -13,7 +13,7 @@ use super::progress::Progress;
 use super::table::plural;
 use super::video::Video;
 use super::viewpoints::Viewpoints;
-use super::{Error, Session, scene_file, write_atomically};
+use super::{Context, Error, scene_file, write_atomically};
 use strivec_field::render::{Picture, RenderSettings, Turntable, upsample_bilinear};
 use strivec_format::escape::escaped_path;
 use strivec_format::model::Scene;
@@ -122,7 +122,7 @@ fn depth_code(scene: &Scene) -> DepthCode {
 }
 
 /// Renders every viewpoint.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     args.backend.check()?;
     let (scene_file, _) = scene_file::read(&args.file, &session.console)?;
     let (scene, metadata) = (&scene_file.scene, &scene_file.metadata);

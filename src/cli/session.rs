@@ -28,7 +28,7 @@ pub(super) struct Globals {
 }
 
 /// Console and global options.
-pub(super) struct Session {
+pub(super) struct Context {
     pub(super) console: Console,
     /// Overwrite existing files.
     pub(super) force: bool,
@@ -36,7 +36,7 @@ pub(super) struct Session {
     interrupted: Option<Arc<AtomicBool>>,
 }
 
-impl Session {
+impl Context {
     /// The flag to stop. The first Ctrl-C or termination signal sets it, and the second one ends the process; within
     /// another program, that program sets it.
     pub(super) fn interrupts(&self) -> Result<Arc<AtomicBool>, Error> {
@@ -61,7 +61,7 @@ impl Session {
 pub(super) fn run_command<C>(
     name: &'static str,
     parsed: Result<(Globals, C), clap::Error>,
-    run: impl FnOnce(&C, &Session) -> Result<(), Error>,
+    run: impl FnOnce(&C, &Context) -> Result<(), Error>,
 ) -> ExitCode {
     let (globals, command) = match parsed {
         Ok(parsed) => parsed,
@@ -71,7 +71,7 @@ pub(super) fn run_command<C>(
         }
     };
     let console = Console::new(name, globals.quiet, globals.json);
-    let session = Session { console, force: globals.force, interrupted: None };
+    let session = Context { console, force: globals.force, interrupted: None };
     let start_threads = || match globals.threads {
         None => Ok(()),
         Some(threads) => builder(threads).build_global().map_err(no_threads(threads)),
@@ -89,11 +89,11 @@ pub(super) fn run_command<C>(
 pub(super) fn run_call<C: Sync>(
     parsed: Result<(Globals, C), clap::Error>,
     call: &Call,
-    run: impl FnOnce(&C, &Session) -> Result<(), Error> + Send,
+    run: impl FnOnce(&C, &Context) -> Result<(), Error> + Send,
 ) -> Result<Vec<String>, Error> {
     let (globals, command) = parsed.map_err(|error| Error::Usage(error.to_string().trim_end().into()))?;
     let console = Console::of_host(Arc::clone(&call.host), globals.quiet);
-    let session = Session { console, force: globals.force, interrupted: Some(Arc::clone(&call.interrupted)) };
+    let session = Context { console, force: globals.force, interrupted: Some(Arc::clone(&call.interrupted)) };
     match globals.threads {
         None => run(&command, &session)?,
         // The threads of the process are the host's.

@@ -8,7 +8,7 @@ use super::dataset::DatasetOptions;
 use super::named_value::one_of;
 use super::numbers::boxed;
 use super::observer::ConsoleObserver;
-use super::{Error, Session, quantity};
+use super::{Context, Error, quantity};
 use strivec_capture::dataset::LoadOptions;
 use strivec_format::container::Encoding;
 use strivec_format::geometry::Aabb;
@@ -124,7 +124,7 @@ impl Basics {
         &self,
         folder: &Path,
         max_side: Option<u32>,
-        session: &Session,
+        session: &Context,
     ) -> Result<LoadOptions, Error> {
         let options = LoadOptions { every: self.every, ..self.dataset.load_options(1) };
         let photographs = Photographs { options, downscale: self.downscale };

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::output::{check_outputs, make_folder};
 use super::table::plural;
-use super::{Error, Session, pack, write_atomically};
+use super::{Context, Error, pack, write_atomically};
 use strivec_format::escape::escaped_path;
 
 const COMPLETIONS_EXAMPLES: &str = "\
@@ -38,7 +38,7 @@ pub(super) struct CompletionsArgs {
 }
 
 /// Prints a completion script; `strivec` is this program's command.
-pub(super) fn completions(args: &CompletionsArgs, strivec: clap::Command, session: &Session) -> Result<(), Error> {
+pub(super) fn completions(args: &CompletionsArgs, strivec: clap::Command, session: &Context) -> Result<(), Error> {
     let mut command = match args.program {
         Program::Strivec => strivec,
         Program::StrivecPack => pack::command(),
@@ -60,13 +60,13 @@ pub(super) struct ManArgs {
 
 /// The result, as `--json` prints it.
 #[derive(Serialize)]
-struct Pages<'a> {
+struct ManualPages<'a> {
     folder: &'a Path,
     files: Vec<PathBuf>,
 }
 
 /// Writes a man page for each of `programs` and each of their commands.
-pub(super) fn man(args: &ManArgs, programs: [clap::Command; 2], session: &Session) -> Result<(), Error> {
+pub(super) fn man(args: &ManArgs, programs: [clap::Command; 2], session: &Context) -> Result<(), Error> {
     let mut pages = Vec::new();
     for mut program in programs {
         program.build();
@@ -78,7 +78,7 @@ pub(super) fn man(args: &ManArgs, programs: [clap::Command; 2], session: &Sessio
     for (file, (_, page)) in files.iter().zip(&pages) {
         write_atomically(file, page, session.force)?;
     }
-    session.console.result(&Pages { folder: &args.folder, files }, |pages| {
+    session.console.result(&ManualPages { folder: &args.folder, files }, |pages| {
         format!("{}: {}", escaped_path(pages.folder), plural(pages.files.len(), "man page"))
     })
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use super::observer::ConsoleObserver;
-use super::{Error, Session};
+use super::{Context, Error};
 use strivec_format::model::Scene;
 use strivec_train::recipe;
 use strivec_train::recipe::CheckpointFile;
@@ -20,7 +20,7 @@ impl StateFile {
     /// # Errors
     ///
     /// If there is one, or it could not be written.
-    pub(super) fn new(named: Option<&Path>, output: &Path, resume: bool, session: &Session) -> Result<Self, Error> {
+    pub(super) fn new(named: Option<&Path>, output: &Path, resume: bool, session: &Context) -> Result<Self, Error> {
         let file = named.map_or_else(|| CheckpointFile::beside(output), CheckpointFile::new);
         if !resume {
             file.check_new(session.force)?;
@@ -51,7 +51,7 @@ pub(super) fn run_steps(
     state: &StateFile,
     checkpoint_every: Option<u64>,
     interrupted: &AtomicBool,
-    session: &Session,
+    session: &Context,
 ) -> Result<(), Error> {
     let checkpoint = CheckpointFile { every: checkpoint_every, ..state.0.clone() };
     let mut observer = ConsoleObserver::new(&session.console, interrupted);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::named_value::one_of;
-use super::{Error, Session, picture_size};
+use super::{Context, Error, picture_size};
 use strivec_format::escape::escaped_path;
 use strivec_synth::{CameraModel, Surroundings, SynthLayout, SynthOptions, Synthesized};
 
@@ -77,7 +77,7 @@ struct ScanReport<'a> {
 }
 
 /// Makes the dataset.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let &Args { layout, camera, views, size, seed, outdoor, room, .. } = args;
     let surroundings = match (outdoor, room) {
         (true, _) => Surroundings::Meadow,

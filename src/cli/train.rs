@@ -13,9 +13,9 @@ use super::table::plural;
 use super::training_curve::{CurveObserver, CurvePoint};
 use super::view_selection::evenly_spaced;
 use super::watch::Watch;
-use super::{Error, Session, check_output};
+use super::{Context, Error, check_output};
 use strivec_capture::dataset;
-use strivec_capture::dataset::{Dataset, LoadOptions, View};
+use strivec_capture::dataset::{Dataset, LoadOptions, Photograph};
 use strivec_format::digits::grouped;
 use strivec_format::escape::escaped_path;
 use strivec_train::recipe;
@@ -85,7 +85,7 @@ pub(super) struct Args {
 }
 
 /// Trains a scene and writes it.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let config = args.settings.configuration()?;
     if args.print_config {
         return session.console.print(&config.to_toml());
@@ -94,7 +94,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 }
 
 /// Trains a scene by `config` and writes it, as `args` say.
-pub(super) fn trained<'a>(args: &'a Args, config: TrainConfig, session: &Session) -> Result<Report<'a>, Error> {
+pub(super) fn trained<'a>(args: &'a Args, config: TrainConfig, session: &Context) -> Result<Report<'a>, Error> {
     let (Some(folder), Some(output)) = (&args.dataset, &args.output) else {
         return Err(Error::Usage("give a dataset and --output".into()));
     };
@@ -117,7 +117,7 @@ pub(super) fn trained<'a>(args: &'a Args, config: TrainConfig, session: &Session
 
 impl Args {
     /// The recipe of these arguments and of `config`. Checks that all output files can be written, before any work.
-    fn recipe(&self, config: TrainConfig, output: &Path, session: &Session) -> Result<Recipe, Error> {
+    fn recipe(&self, config: TrainConfig, output: &Path, session: &Context) -> Result<Recipe, Error> {
         check_scene_name(output)?;
         Trained::check_output(output, session.force)?;
         let checkpoint = match &self.checkpoint {
@@ -143,7 +143,7 @@ impl Args {
 }
 
 /// Up to [`HELD_OUT`] test views in `folder`, evenly spread.
-fn held_out(folder: &Path, options: &LoadOptions) -> Result<Vec<View>, Error> {
+fn held_out(folder: &Path, options: &LoadOptions) -> Result<Vec<Photograph>, Error> {
     let options = evenly_spaced(folder, "test", HELD_OUT, options)?;
     Ok(dataset::load(folder, "test", &options)?.views)
 }

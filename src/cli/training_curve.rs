@@ -1,5 +1,6 @@
 //! The curve of a training: its log, evaluations during the run, and the watched view.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use serde::Serialize;
@@ -9,7 +10,7 @@ use super::render::colors;
 use super::train::Args;
 use super::watch::Watch;
 use super::{Error, write_atomically};
-use strivec_capture::dataset::View;
+use strivec_capture::dataset::Photograph;
 use strivec_field::render::{CpuRenderer, Renderer};
 use strivec_format::model::Scene;
 use strivec_format::psnr::psnr_of_mse;
@@ -35,7 +36,7 @@ pub(super) struct CurveObserver<'a> {
     console: ConsoleObserver<'a>,
     args: &'a Args,
     /// The views of evaluations.
-    held_out: &'a [View],
+    held_out: &'a [Photograph],
     watch: Option<Watch>,
     curve: Vec<CurvePoint>,
     /// Sum of the steps' mean squared errors since the last row, and their number.
@@ -47,7 +48,7 @@ impl<'a> CurveObserver<'a> {
     pub(super) fn new(
         console: ConsoleObserver<'a>,
         args: &'a Args,
-        held_out: &'a [View],
+        held_out: &'a [Photograph],
         watch: Option<Watch>,
     ) -> Self {
         Self { console, args, held_out, watch, curve: Vec::new(), error: [0.0; 2] }
@@ -94,7 +95,7 @@ impl<'a> CurveObserver<'a> {
 }
 
 impl Observer for CurveObserver<'_> {
-    fn message(&mut self, text: &str) {
+    fn message(&mut self, text: &dyn Display) {
         self.console.message(text);
     }
 
@@ -125,10 +126,10 @@ impl Observer for CurveObserver<'_> {
 }
 
 /// The mean PSNR of `scene` over `views`.
-fn evaluate(scene: &Scene, views: &[View]) -> f64 {
+fn evaluate(scene: &Scene, views: &[Photograph]) -> f64 {
     let renderer = CpuRenderer::new(scene);
     let background = scene.frame.background;
-    let psnr = |view: &View| {
+    let psnr = |view: &Photograph| {
         let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));
         let size = [picture.width, picture.height];
         let (photograph, mask) = (view.pixels.colors(background), view.mask.as_deref());

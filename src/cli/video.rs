@@ -12,23 +12,23 @@ use super::{Error, write_atomically};
 /// A video to encode, with its encoder.
 pub(super) struct Video {
     file: PathBuf,
-    format: Format,
-    encoder: Encoder,
+    format: VideoFormat,
+    encoder: VideoEncoder,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Format {
+enum VideoFormat {
     Mp4,
     Webp,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Encoder {
+enum VideoEncoder {
     Ffmpeg,
     Img2webp,
 }
 
-impl Format {
+impl VideoFormat {
     /// The format by the extension of `file`.
     fn from_path(path: &Path) -> Result<Self, Error> {
         let is = |known: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(known));
@@ -50,20 +50,20 @@ impl Format {
     }
 
     /// An installed encoder, else a description of the search.
-    fn encoder(self) -> Result<Encoder, &'static str> {
-        if self == Self::Webp && Encoder::Img2webp.output(&["-version"]).is_ok() {
-            return Ok(Encoder::Img2webp);
+    fn encoder(self) -> Result<VideoEncoder, &'static str> {
+        if self == Self::Webp && VideoEncoder::Img2webp.output(&["-version"]).is_ok() {
+            return Ok(VideoEncoder::Img2webp);
         }
-        let Ok(listed) = Encoder::Ffmpeg.output(&["-hide_banner", "-loglevel", "error", "-encoders"]) else {
+        let Ok(listed) = VideoEncoder::Ffmpeg.output(&["-hide_banner", "-loglevel", "error", "-encoders"]) else {
             return Err("none");
         };
         let listed = String::from_utf8_lossy(&listed.stdout);
         let known = listed.split_whitespace().any(|word| word == self.codec());
-        if known { Ok(Encoder::Ffmpeg) } else { Err("an ffmpeg without that encoder") }
+        if known { Ok(VideoEncoder::Ffmpeg) } else { Err("an ffmpeg without that encoder") }
     }
 }
 
-impl Encoder {
+impl VideoEncoder {
     fn program(self) -> &'static str {
         match self {
             Self::Ffmpeg => "ffmpeg",
@@ -81,18 +81,18 @@ impl Video {
     ///
     /// Fails if the format is unknown or does not allow the size, or no program for it is installed.
     pub(super) fn plan(file: &Path, size: [u32; 2]) -> Result<Self, Error> {
-        let format = Format::from_path(file)?;
-        if format == Format::Mp4 && size.iter().any(|extent| extent % 2 == 1) {
+        let format = VideoFormat::from_path(file)?;
+        if format == VideoFormat::Mp4 && size.iter().any(|extent| extent % 2 == 1) {
             let [width, height] = size;
             let message = format!("--video: MP4 needs an even width and height; --size is {width}x{height}");
             return Err(Error::Usage(message));
         }
         let encoder = format.encoder().map_err(|found| {
             let expected = match format {
-                Format::Mp4 => "the program ffmpeg with its encoder libx264 on PATH",
-                Format::Webp => "the program img2webp, or ffmpeg with its encoder libwebp_anim, on PATH",
+                VideoFormat::Mp4 => "the program ffmpeg with its encoder libx264 on PATH",
+                VideoFormat::Webp => "the program img2webp, or ffmpeg with its encoder libwebp_anim, on PATH",
             };
-            let package = if format == Format::Mp4 { "ffmpeg" } else { "webp" };
+            let package = if format == VideoFormat::Mp4 { "ffmpeg" } else { "webp" };
             Error::Runtime(format!(
                 "--video needs {expected}; found {found}. Install it (on Debian: apt-get install {package}), or leave out \
                  --video to keep the frames as PNG files"
@@ -121,13 +121,13 @@ impl Video {
         let mut command = Command::new(self.program());
         command.current_dir(folder).stdin(Stdio::null());
         match self.encoder {
-            Encoder::Ffmpeg => {
+            VideoEncoder::Ffmpeg => {
                 let pattern = format!("frame_%0{digits}d.png");
                 command.args(["-hide_banner", "-loglevel", "error", "-nostdin", "-y", "-framerate", &fps.to_string()]);
                 command.args(["-start_number", "0", "-i", &pattern, "-frames:v", &frames.len().to_string()]);
                 command.args(["-c:v", self.format.codec()]).args(self.format.settings()).arg(&video);
             }
-            Encoder::Img2webp => {
+            VideoEncoder::Img2webp => {
                 let whole = folder.join(&script);
                 std::fs::write(&whole, img2webp_script(&names, fps, &video)).map_err(Error::io("write", &whole))?;
                 command.arg(&script);
@@ -148,7 +148,7 @@ impl Video {
     }
 }
 
-impl Format {
+impl VideoFormat {
     /// ffmpeg's settings: a format that every player supports, at a quality with hardly visible losses.
     fn settings(self) -> &'static [&'static str] {
         match self {
@@ -191,10 +191,10 @@ mod tests {
 
     #[test]
     fn a_videos_format_is_its_extension() {
-        assert_eq!(Format::from_path(Path::new("a.b/c.MP4")).unwrap(), Format::Mp4);
-        assert_eq!(Format::from_path(Path::new("c.webp")).unwrap(), Format::Webp);
+        assert_eq!(VideoFormat::from_path(Path::new("a.b/c.MP4")).unwrap(), VideoFormat::Mp4);
+        assert_eq!(VideoFormat::from_path(Path::new("c.webp")).unwrap(), VideoFormat::Webp);
         for wrong in ["mp4", "a.gif", "a.mp4/b", ""] {
-            assert_eq!(Format::from_path(Path::new(wrong)).unwrap_err().exit_code(), 1, "{wrong}");
+            assert_eq!(VideoFormat::from_path(Path::new(wrong)).unwrap_err().exit_code(), 1, "{wrong}");
         }
     }
 

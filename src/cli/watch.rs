@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use super::{Error, write_atomically};
-use strivec_capture::dataset::View;
+use strivec_capture::dataset::Photograph;
 use strivec_format::geometry::Camera;
-use strivec_measure::{Canvas, color_png, side_by_side};
+use strivec_measure::{Sheet, color_png, side_by_side};
 use strivec_train::Trainer;
 
 /// The most columns of a picture.
@@ -19,13 +19,13 @@ const PAUSES: u32 = 20;
 pub(super) struct Watch {
     path: PathBuf,
     camera: Camera,
-    photograph: Canvas,
+    photograph: Sheet,
     due: Instant,
 }
 
 impl Watch {
     /// Shows `view` as a PNG file at `path`, which may be overwritten, on `background`.
-    pub(super) fn new(path: PathBuf, view: &View, background: [f32; 3]) -> Result<Self, Error> {
+    pub(super) fn new(path: PathBuf, view: &Photograph, background: [f32; 3]) -> Result<Self, Error> {
         let factor = view.camera.width.div_ceil(MAX_WIDTH).clamp(1, view.camera.height);
         let camera = view.camera.downscaled(factor);
         let photograph = downscaled(view, factor, background)?;
@@ -44,7 +44,7 @@ impl Watch {
     /// If the file cannot be written.
     pub(super) fn show(&mut self, trainer: &Trainer<'_>) -> Result<(), Error> {
         let begun = Instant::now();
-        let picture = Canvas::new(self.photograph.size, trainer.picture(&self.camera))?;
+        let picture = Sheet::new(self.photograph.size, trainer.picture(&self.camera))?;
         let sheet = side_by_side(&[picture, self.photograph.clone()]);
         let png = color_png(sheet.size, &sheet.colors)?;
         write_atomically(&self.path, &png, true)?;
@@ -54,7 +54,7 @@ impl Watch {
 }
 
 /// The photograph of `view` on `background`, `factor` times smaller: the means of blocks of its pixels.
-fn downscaled(view: &View, factor: u32, background: [f32; 3]) -> Result<Canvas, Error> {
+fn downscaled(view: &Photograph, factor: u32, background: [f32; 3]) -> Result<Sheet, Error> {
     let size = [view.camera.width / factor, view.camera.height / factor];
     let mut colors = Vec::new();
     for y in 0..size[1] {
@@ -68,7 +68,7 @@ fn downscaled(view: &View, factor: u32, background: [f32; 3]) -> Result<Canvas, 
             colors.push(sum.map(|sum: f32| sum / (factor * factor) as f32));
         }
     }
-    Ok(Canvas::new(size, colors)?)
+    Ok(Sheet::new(size, colors)?)
 }
 
 #[cfg(test)]
@@ -81,7 +81,7 @@ mod tests {
     fn a_photograph_is_shrunk_by_the_means_of_blocks() {
         let camera = Camera::looking_at([5, 2], 1.0, DVec3::X, DVec3::ZERO, DVec3::Z);
         let colors = (0..10).map(|n| [n as f32, 0.0, 1.0]);
-        let view = View::new("v", camera, Pixels::opaque(colors));
+        let view = Photograph::new("v", camera, Pixels::opaque(colors));
         let small = downscaled(&view, 2, [0.0; 3]).unwrap();
         assert_eq!((small.size, small.colors), ([2, 1], vec![[3.0, 0.0, 1.0], [5.0, 0.0, 1.0]]));
     }

@@ -34,7 +34,7 @@ pub(super) struct Arguments {
     pub(super) quality: Option<String>,
     /// Device that renders the pictures
     #[arg(long, value_enum, default_value_t)]
-    pub(super) renderer: Renderer,
+    pub(super) renderer: RendererChoice,
     /// Store factors in 16 bits on the graphics device, in half the memory
     #[arg(long)]
     pub(super) half: bool,
@@ -51,7 +51,7 @@ pub(super) struct Arguments {
 
 /// Device that renders the pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum Renderer {
+pub(super) enum RendererChoice {
     /// The graphics device; the CPU if there is none, or only a software one
     #[default]
     Auto,

@@ -5,15 +5,15 @@ use glam::{DVec2, Vec2, Vec3};
 
 use super::app::App;
 use super::interpolation::{between_four, pixel_at};
-use super::painter::{Photograph, SceneRenderer};
-use super::software::{Canvas, rectangle};
+use super::painter::{LoadedPhotograph, SceneRenderer};
+use super::software::{WindowPixels, rectangle};
 use strivec_field::render::TraceInfo;
 use strivec_format::color::byte;
 use strivec_format::geometry::Camera;
-use strivec_player::{Place, Show, View, each_line};
+use strivec_player::{PictureRect, Show, View, each_line};
 
 /// Paints the picture of slot `n` at `place`, if it has one.
-pub(super) fn fill_slot(app: &App, n: usize, place: &Place, canvas: &mut Canvas) {
+pub(super) fn fill_slot(app: &App, n: usize, place: &PictureRect, canvas: &mut WindowPixels) {
     let Some((show, slot)) = app.session.show(n).zip(app.session.slots[n].as_ref()) else { return };
     let SceneRenderer::Cpu(painter) = &slot.painter.renderer else { return };
     let Some((camera, traced)) = &painter.kept else { return };
@@ -36,7 +36,7 @@ struct Shown<'a> {
     camera: &'a Camera,
     traced: &'a [TraceInfo],
     show: &'a Show,
-    photograph: Option<&'a Photograph>,
+    photograph: Option<&'a LoadedPhotograph>,
 }
 
 impl Shown<'_> {
@@ -83,7 +83,7 @@ impl Shown<'_> {
     }
 }
 
-impl Photograph {
+impl LoadedPhotograph {
     /// The color at `share`, in parts of its width and height.
     fn color_at(&self, share: Vec2) -> Vec3 {
         let [width, height] = self.size;

@@ -33,11 +33,11 @@ pub(super) struct DesktopPainter {
     /// `None` if the CPU paints the window.
     pub(super) screen: Option<(Screen, BoxLines)>,
     /// Without a screen, the photograph to blend in.
-    pub(super) photograph: Option<Photograph>,
+    pub(super) photograph: Option<LoadedPhotograph>,
 }
 
 /// A photograph in memory.
-pub(super) struct Photograph {
+pub(super) struct LoadedPhotograph {
     /// Columns and rows.
     pub(super) size: [u32; 2],
     /// \[row\]\[column\] red, green, blue, opacity.
@@ -167,7 +167,7 @@ impl Painter for DesktopPainter {
     fn set_photograph(&mut self, size: [u32; 2], rgba: Vec<u8>) {
         match &mut self.screen {
             Some((screen, _)) => screen.set_photograph(size, &rgba),
-            None => self.photograph = Some(Photograph { size, rgba }),
+            None => self.photograph = Some(LoadedPhotograph { size, rgba }),
         }
     }
 }

@@ -12,13 +12,13 @@ pub(super) fn rectangle([left, top, right, bottom]: [f32; 4]) -> Rect {
 }
 
 /// Colors of a window, row by row from the top left.
-pub(super) struct Canvas {
+pub(super) struct WindowPixels {
     pub(super) width: usize,
     pub(super) height: usize,
     pub(super) colors: Vec<Color32>,
 }
 
-impl Canvas {
+impl WindowPixels {
     /// A canvas of one color.
     pub(super) fn new(width: usize, height: usize, color: Color32) -> Self {
         Self { width, height, colors: vec![color; width * height] }
@@ -37,7 +37,7 @@ impl Canvas {
     }
 }
 
-impl Canvas {
+impl WindowPixels {
     /// Draws a line of one pixel's width between `ends`, in pixels, within `part`.
     pub(super) fn line(&mut self, part: Rect, ends: [DVec2; 2], [r, g, b, opacity]: [f32; 4]) {
         let part = part.intersect(Rect::from_min_max(Pos2::ZERO, Pos2::new(self.width as f32, self.height as f32)));
@@ -115,7 +115,7 @@ impl Textures {
     }
 
     /// Draws `primitives`, whose places are in points of `pixels_per_point` pixels.
-    pub(super) fn paint(&self, canvas: &mut Canvas, primitives: &[ClippedPrimitive], pixels_per_point: f32) {
+    pub(super) fn paint(&self, canvas: &mut WindowPixels, primitives: &[ClippedPrimitive], pixels_per_point: f32) {
         for ClippedPrimitive { clip_rect, primitive } in primitives {
             if let Primitive::Mesh(mesh) = primitive
                 && let Some(texture) = self.0.get(&mesh.texture_id)
@@ -126,7 +126,7 @@ impl Textures {
     }
 }
 
-fn paint_mesh(canvas: &mut Canvas, mesh: &Mesh, clip: Rect, texture: &([usize; 2], Vec<Color32>), scale: f32) {
+fn paint_mesh(canvas: &mut WindowPixels, mesh: &Mesh, clip: Rect, texture: &([usize; 2], Vec<Color32>), scale: f32) {
     let clip = Rect::from_min_max((clip.min.to_vec2() * scale).to_pos2(), (clip.max.to_vec2() * scale).to_pos2());
     let clip = clip.intersect(Rect::from_min_max(Pos2::ZERO, Pos2::new(canvas.width as f32, canvas.height as f32)));
     for triangle in mesh.indices.as_chunks::<3>().0 {
@@ -137,7 +137,7 @@ fn paint_mesh(canvas: &mut Canvas, mesh: &Mesh, clip: Rect, texture: &([usize; 2
 
 /// Paints the pixels whose centers are inside. Colors and texture coordinates are interpolated between the corners.
 fn paint_triangle(
-    canvas: &mut Canvas,
+    canvas: &mut WindowPixels,
     corners: [Vertex; 3],
     clip: Rect,
     texture: &([usize; 2], Vec<Color32>),
@@ -211,7 +211,7 @@ mod tests {
         let half = Color32::from_rgba_premultiplied(100, 0, 0, 128);
         let corners = [vertex(1.0, 1.0, half), vertex(5.0, 1.0, half), vertex(5.0, 4.0, half), vertex(1.0, 4.0, half)];
         let mesh = Mesh { indices: vec![0, 1, 2, 0, 2, 3], vertices: corners.into(), texture_id: TextureId::default() };
-        let mut canvas = Canvas::new(8, 6, Color32::from_rgb(0, 0, 200));
+        let mut canvas = WindowPixels::new(8, 6, Color32::from_rgb(0, 0, 200));
         let everywhere = Rect::from_min_max(Pos2::ZERO, Pos2::new(4.25, 100.0));
         paint_mesh(&mut canvas, &mesh, everywhere, &([1, 1], vec![Color32::WHITE]), 1.0);
         let painted: Vec<_> = (0..48).filter(|n| canvas.colors[*n] != Color32::from_rgb(0, 0, 200)).collect();
@@ -222,7 +222,7 @@ mod tests {
     #[test]
     fn lines_end_where_their_part_does() {
         let part = Rect::from_min_max(Pos2::new(2.0, 1.0), Pos2::new(6.0, 5.0));
-        let mut canvas = Canvas::new(8, 6, Color32::BLACK);
+        let mut canvas = WindowPixels::new(8, 6, Color32::BLACK);
         canvas.line(part, [DVec2::new(-100.0, 2.5), DVec2::new(100.0, 2.5)], [1.0, 0.0, 0.0, 0.5]);
         canvas.line(part, [DVec2::new(-100.0, 5.5), DVec2::new(100.0, 5.5)], [1.0, 0.0, 0.0, 0.5]);
         canvas.line(part, [DVec2::new(4.5, -1e9), DVec2::new(4.5, 1e9)], [0.0, 1.0, 0.0, 1.0]);

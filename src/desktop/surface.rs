@@ -9,9 +9,9 @@ use winit::window::Window;
 
 use super::app::App;
 use super::memory::fill_slot;
-use super::software::{Canvas, Textures};
+use super::software::{Textures, WindowPixels};
 use strivec_field::render::gpu::{Gpu, GpuError};
-use strivec_player::{Painter as _, Place};
+use strivec_player::{Painter as _, PictureRect};
 
 /// Gray level behind the pictures.
 const DARK: f64 = 0.06;
@@ -26,7 +26,7 @@ pub(super) struct Painting {
 }
 
 /// A surface of the window.
-pub(super) enum Surface {
+pub(super) enum WindowSurface {
     Gpu(Box<GpuSurface>),
     Memory { surface: softbuffer::Surface<Arc<Window>, Arc<Window>>, textures: Textures },
 }
@@ -39,7 +39,7 @@ pub(super) struct GpuSurface {
     egui: egui_wgpu::Renderer,
 }
 
-impl Surface {
+impl WindowSurface {
     /// A device's surface of `window`, and the device.
     pub(super) fn on_gpu(window: &Arc<Window>) -> Result<(Self, Gpu, wgpu::TextureFormat), GpuError> {
         let descriptor = wgpu::InstanceDescriptor::new_with_display_handle_from_env(Box::new(Arc::clone(window)));
@@ -143,7 +143,7 @@ impl GpuSurface {
     }
 
     /// Paints the picture of slot `n` at `place`, if it has one.
-    fn paint_slot(&self, app: &App, n: usize, place: Place, pass: &mut wgpu::RenderPass<'static>) {
+    fn paint_slot(&self, app: &App, n: usize, place: PictureRect, pass: &mut wgpu::RenderPass<'static>) {
         let Some((show, slot)) = app.session.show(n).zip(app.session.slots[n].as_ref()) else { return };
         let Some((camera, (screen, boxes))) = slot.painter.shown().zip(slot.painter.screen.as_ref()) else { return };
         if !place.enter(pass, [self.configuration.width, self.configuration.height]) {
@@ -174,7 +174,7 @@ impl GpuSurface {
 }
 
 /// The places of both slots' pictures.
-fn places(app: &App, picture: Rect) -> [Place; 2] {
+fn places(app: &App, picture: Rect) -> [PictureRect; 2] {
     app.session.places([picture.left(), picture.top(), picture.right(), picture.bottom()])
 }
 
@@ -191,7 +191,7 @@ fn paint_memory(
     let size = window.inner_size();
     if let (Some(width), Some(height)) = (NonZeroU32::new(size.width), NonZeroU32::new(size.height)) {
         let dark = (255.0 * DARK) as u8;
-        let mut canvas = Canvas::new(size.width as usize, size.height as usize, Color32::from_gray(dark));
+        let mut canvas = WindowPixels::new(size.width as usize, size.height as usize, Color32::from_gray(dark));
         for (n, place) in places(app, painting.picture).into_iter().enumerate() {
             fill_slot(app, n, &place, &mut canvas);
         }

@@ -15,11 +15,11 @@ use winit::keyboard::{ModifiersState, PhysicalKey};
 use winit::window::{Window, WindowId};
 
 use super::app::App;
-use super::arguments::{Arguments, Renderer};
+use super::arguments::{Arguments, RendererChoice};
 use super::opening::{self, OpeningError, is_url};
 use super::painter::Device;
 use super::panel;
-use super::surface::{Painting, Surface};
+use super::surface::{Painting, WindowSurface};
 use strivec_cli::print_clap_error;
 use strivec_field::render::gpu::Precision;
 use strivec_format::escape::escaped;
@@ -53,7 +53,7 @@ fn run(arguments: Arguments) -> Result<(), OpeningError> {
     let no_window = |text| OpeningError { text, exit_code: 4 };
     let event_loop = EventLoop::<Woken>::with_user_event().build().map_err(|_| no_window(no_display()))?;
     let proxy = event_loop.create_proxy();
-    let mut player = Player { arguments, proxy, open: None, failure: None };
+    let mut player = PlayerWindow { arguments, proxy, open: None, failure: None };
     let ended = event_loop.run_app(&mut player);
     match player.failure {
         Some(error) => Err(error),
@@ -82,7 +82,7 @@ fn no_display() -> String {
 struct Woken;
 
 /// The player, and its window once it is open.
-struct Player {
+struct PlayerWindow {
     arguments: Arguments,
     proxy: EventLoopProxy<Woken>,
     open: Option<OpenWindow>,
@@ -92,7 +92,7 @@ struct Player {
 /// An open window and its player.
 struct OpenWindow {
     window: Arc<Window>,
-    surface: Surface,
+    surface: WindowSurface,
     egui: egui_winit::State,
     app: App,
     modifiers: ModifiersState,
@@ -104,7 +104,7 @@ struct OpenWindow {
     title: String,
 }
 
-impl ApplicationHandler<Woken> for Player {
+impl ApplicationHandler<Woken> for PlayerWindow {
     fn resumed(&mut self, event_loop: &ActiveEventLoop) {
         if self.open.is_some() {
             return;
@@ -152,19 +152,22 @@ impl ApplicationHandler<Woken> for Player {
 
 /// Opens the surface of `window` and the device that renders the pictures, as `arguments` select them. The third value
 /// is a note if the graphics device cannot be used.
-fn open_surface(window: &Arc<Window>, arguments: &Arguments) -> Result<(Surface, Device, Option<String>), String> {
-    let on_gpu = if arguments.renderer == Renderer::Memory { None } else { Some(Surface::on_gpu(window)) };
+fn open_surface(
+    window: &Arc<Window>,
+    arguments: &Arguments,
+) -> Result<(WindowSurface, Device, Option<String>), String> {
+    let on_gpu = if arguments.renderer == RendererChoice::Memory { None } else { Some(WindowSurface::on_gpu(window)) };
     let (surface, gpu, note) = match on_gpu {
         Some(Ok((surface, gpu, format))) => (surface, Some((gpu, format)), None),
-        Some(Err(error)) => (Surface::in_memory(window)?, None, Some(format!("{error}; the CPU draws instead"))),
-        None => (Surface::in_memory(window)?, None, None),
+        Some(Err(error)) => (WindowSurface::in_memory(window)?, None, Some(format!("{error}; the CPU draws instead"))),
+        None => (WindowSurface::in_memory(window)?, None, None),
     };
     // A software device is many times slower than the CPU renderer.
     let is_hardware = gpu.as_ref().is_some_and(|(gpu, _)| gpu.info().device_type != wgpu::DeviceType::Cpu);
     let draws = match arguments.renderer {
-        Renderer::Auto => is_hardware,
-        Renderer::Gpu => gpu.is_some(),
-        Renderer::Cpu | Renderer::Memory => false,
+        RendererChoice::Auto => is_hardware,
+        RendererChoice::Gpu => gpu.is_some(),
+        RendererChoice::Cpu | RendererChoice::Memory => false,
     };
     let precision = if arguments.half { Precision::F16 } else { Precision::F32 };
     Ok((surface, Device { gpu, draws, precision }, note))

@@ -22,7 +22,7 @@ const LAYOUT: u32 = 1;
 /// cameras and notes.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Description {
+pub struct SceneDescription {
     /// [`LAYOUT`].
     layout: u32,
     frame: Frame,
@@ -60,7 +60,7 @@ struct DecoderDescription {
     layers: usize,
 }
 
-/// Gives the arrays that belong to a [`Description`], which are untrusted.
+/// Gives the arrays that belong to a [`SceneDescription`], which are untrusted.
 pub trait ArrayReader {
     /// Why there is no scene.
     type Error;
@@ -83,7 +83,7 @@ pub trait ArrayReader {
     fn refusal(&self, message: String) -> Self::Error;
 }
 
-impl Description {
+impl SceneDescription {
     /// The description of a file's `scene` and `metadata`.
     pub fn of(scene: &Scene, metadata: &Metadata) -> Self {
         let scale = |scale: &Scale| ScaleDescription {

@@ -39,17 +39,17 @@ impl Default for DvgoOptions {
 }
 
 /// The voxels of a DVGO model.
-struct Grid {
+struct DvgoGrid {
     bounds: Aabb,
     voxels: UVec3,
-    /// DVGO's voxel edge, which it derives from `bounds` and [`Grid::num_voxels`].
+    /// DVGO's voxel edge, which it derives from `bounds` and [`DvgoGrid::num_voxels`].
     edge: f64,
 }
 
-impl Grid {
+impl DvgoGrid {
     /// A grid over `within`. DVGO takes as many voxels as their edge fits into the box, rounded down. With half an edge
     /// more on each axis, rounding does not change their number.
-    fn over(within: &Aabb, resolution: u32) -> Self {
+    fn new(within: &Aabb, resolution: u32) -> Self {
         let edge = within.size().max_element() / f64::from(resolution - 1);
         let voxels = (within.size() / edge - 1e-9).ceil().max(DVec3::ONE) + 1.0;
         let bounds = Aabb::around(within.center(), 0.5 * (voxels + 0.5) * edge);
@@ -103,7 +103,7 @@ pub fn dvgo_checkpoint(
     let from_model = options.space.map_from_model(&scene.frame);
     let to_model = from_model.inverse();
     let corners = sampler.region.corners().map(|corner| from_model.point(corner));
-    let grid = Grid::over(&Aabb::from_points(corners), options.resolution);
+    let grid = DvgoGrid::new(&Aabb::from_points(corners), options.resolution);
     Error::unless_within("voxels", MAX_VOXELS, grid.count() as u64)?;
     let depths = optical_depths(&sampler, &grid, &to_model, progress);
     let shift = (EMPTY_ALPHA / (1.0 - EMPTY_ALPHA)).ln();
@@ -114,7 +114,7 @@ pub fn dvgo_checkpoint(
 }
 
 /// \[x\]\[y\]\[z\] the optical depth over a voxel's edge.
-fn optical_depths(sampler: &Sampler, grid: &Grid, to_model: &Similarity, progress: &dyn Fn(u64, u64)) -> Vec<f32> {
+fn optical_depths(sampler: &Sampler, grid: &DvgoGrid, to_model: &Similarity, progress: &dyn Fn(u64, u64)) -> Vec<f32> {
     let rules = &sampler.field.rules;
     let edge = grid.edge * to_model.scale * rules.distance_scale;
     let in_model = |voxel: UVec3| to_model.point(grid.position(voxel));
@@ -140,7 +140,7 @@ fn optical_depths(sampler: &Sampler, grid: &Grid, to_model: &Similarity, progres
 }
 
 /// \[x\]\[y\]\[z\] true beside a voxel that is not empty, and there.
-fn mask(grid: &Grid, depths: &[f32]) -> Vec<bool> {
+fn mask(grid: &DvgoGrid, depths: &[f32]) -> Vec<bool> {
     let mut mask: Vec<bool> = depths.iter().map(|depth| f64::from(*depth) >= -(-MIN_ALPHA).ln_1p()).collect();
     for axis in UVec3::AXES {
         let before = mask.clone();
@@ -154,7 +154,7 @@ fn mask(grid: &Grid, depths: &[f32]) -> Vec<bool> {
 
 /// \[channel\]\[x\]\[y\]\[z\] the logits of the colors of the voxels in `mask`, seen against the gradient of opacity; 0
 /// elsewhere.
-fn colors(sampler: Sampler, grid: &Grid, to_model: &Similarity, depths: &[f32], mask: &[bool]) -> Vec<f32> {
+fn colors(sampler: Sampler, grid: &DvgoGrid, to_model: &Similarity, depths: &[f32], mask: &[bool]) -> Vec<f32> {
     let shader = Shader::new(sampler.field);
     let opacity = |voxel: UVec3| -(-f64::from(depths[grid.index(voxel)])).exp_m1();
     let colored = || (0..mask.len()).filter(|&n| mask[n]);
@@ -185,7 +185,7 @@ fn density_of(depth: f32, shift: f64) -> f32 {
     (x - shift) as f32
 }
 
-fn checkpoint(grid: &Grid, shift: f64, density: Vec<f32>, colors: Vec<f32>, mask: Vec<bool>) -> Value<'static> {
+fn checkpoint(grid: &DvgoGrid, shift: f64, density: Vec<f32>, colors: Vec<f32>, mask: Vec<bool>) -> Value<'static> {
     let [x, y, z] = grid.voxels.to_array().map(|n| n as usize);
     let vector = |v: DVec3| Value::tensor([3], v.as_vec3().to_array().to_vec());
     let list = |v: DVec3| Value::List(v.to_array().map(Value::Float).to_vec());

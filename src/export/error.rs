@@ -3,20 +3,15 @@
 use std::io;
 use std::ops::RangeInclusive;
 
+use strivec_format::{Invalid, OptionName, Place};
+
 /// Why a scene was not exported.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
     /// A setting is out of its range.
-    #[error("`{field}` is {found}; expected {expected}")]
-    Setting {
-        /// The setting.
-        field: &'static str,
-        /// The allowed values.
-        expected: String,
-        /// The value.
-        found: String,
-    },
+    #[error(transparent)]
+    Setting(Invalid),
     /// The scene has nothing to export.
     #[error("{what}; {instead}")]
     Empty {
@@ -25,8 +20,18 @@ pub enum Error {
         /// A remedy, as an imperative.
         instead: &'static str,
     },
+    /// No density is as large as the threshold of the surface.
+    #[error(
+        "no density has a surface at an {} of {alpha}; set a smaller one, a larger {}, or keep smaller parts",
+        OptionName("alpha"),
+        OptionName("resolution")
+    )]
+    NoSurface {
+        /// The opacity of a march step.
+        alpha: f64,
+    },
     /// The result would be too large.
-    #[error("{what}: at most {limit} are exported, found {found}; set a smaller `resolution`")]
+    #[error("{what}: at most {limit} are exported, found {found}; set a smaller {}", OptionName("resolution"))]
     TooLarge {
         /// The counted things.
         what: &'static str,
@@ -50,7 +55,7 @@ impl Error {
             return Ok(());
         }
         let expected = format!("{} to {}", range.start(), range.end());
-        Err(Self::Setting { field, expected, found: found.to_string() })
+        Err(Self::Setting(Invalid::new(Place::option(field), expected, found)))
     }
 
     /// Fails unless `found` of `what` are at most `limit`.

@@ -24,7 +24,7 @@ mod space;
 mod splats;
 mod surface;
 
-pub use description::{ArrayReader, Description};
+pub use description::{ArrayReader, SceneDescription};
 pub use dvgo::{DvgoOptions, dvgo_checkpoint};
 pub use error::Error;
 pub use factors::{ArrayWriter, block_name, write_arrays, write_factors};

@@ -20,7 +20,7 @@ const NO_VERTEX: u32 = u32::MAX;
 
 /// Triangles over shared vertices.
 #[derive(Debug, Default)]
-pub(super) struct Surface {
+pub(super) struct MarchedSurface {
     /// Positions of the vertices, in cells from the first vertex of the grid.
     pub(super) positions: Vec<DVec3>,
     /// Counterclockwise seen from outside.
@@ -28,7 +28,7 @@ pub(super) struct Surface {
 }
 
 /// A layer of the grid's vertices.
-struct Layer {
+struct VertexLayer {
     /// \[y\]\[x\].
     levels: Vec<f32>,
     /// \[y\]\[word\] a bit for each vertex, set if its level is positive; the last word of a row is 0.
@@ -48,7 +48,7 @@ pub(super) fn march(
     vertices: UVec3,
     fill: impl Fn(UVec3, &mut [f32]) + Sync,
     progress: &dyn Fn(u64, u64),
-) -> Result<Surface, Error> {
+) -> Result<MarchedSurface, Error> {
     let mut mesher = Mesher::new(vertices);
     for_each_layer(vertices, fill, progress, |z, levels| {
         mesher.take_layer(levels);
@@ -63,29 +63,29 @@ struct Mesher {
     /// Words of a row of bits.
     words: usize,
     /// The layers below and above the cells.
-    layers: [Layer; 2],
+    layers: [VertexLayer; 2],
     /// \[y\]\[x\] the surface's vertex on the edge from this vertex of the lower layer along z.
     upright: Vec<u32>,
-    surface: Surface,
+    surface: MarchedSurface,
 }
 
 impl Mesher {
     fn new(vertices: UVec3) -> Self {
         let extent = [vertices.x as usize, vertices.y as usize];
         let (count, words) = (extent[0] * extent[1], extent[0].div_ceil(64) + 1);
-        let layer = || Layer {
+        let layer = || VertexLayer {
             levels: vec![NOTHING; count],
             inside: vec![0; words * extent[1]],
             edges: [0, 1].map(|_| vec![NO_VERTEX; count]),
         };
         let layers = [layer(), layer()];
-        Self { extent, words, layers, upright: vec![NO_VERTEX; count], surface: Surface::default() }
+        Self { extent, words, layers, upright: vec![NO_VERTEX; count], surface: MarchedSurface::default() }
     }
 
     /// Makes `next` the upper layer, and leaves the memory of the lower one in its place.
     fn take_layer(&mut self, next: &mut Vec<f32>) {
         self.layers.swap(0, 1);
-        let Layer { levels, inside, edges } = &mut self.layers[1];
+        let VertexLayer { levels, inside, edges } = &mut self.layers[1];
         std::mem::swap(levels, next);
         edges.iter_mut().for_each(|edges| edges.fill(NO_VERTEX));
         self.upright.fill(NO_VERTEX);
@@ -178,7 +178,7 @@ mod tests {
     use super::*;
     use strivec_format::random::Random;
 
-    fn surface_of(vertices: UVec3, level: impl Fn(UVec3) -> f32 + Sync) -> Surface {
+    fn surface_of(vertices: UVec3, level: impl Fn(UVec3) -> f32 + Sync) -> MarchedSurface {
         let fill = |first: UVec3, levels: &mut [f32]| {
             levels.iter_mut().zip(vertices_of_block(first)).for_each(|(l, vertex)| *l = level(vertex));
         };
@@ -186,7 +186,7 @@ mod tests {
     }
 
     /// Fails unless each side of a triangle is a side of exactly one other, in the other direction.
-    fn check_closed(surface: &Surface) {
+    fn check_closed(surface: &MarchedSurface) {
         let mut sides: HashMap<[u32; 2], u32> = HashMap::new();
         for triangle in &surface.triangles {
             (0..3).for_each(|n| *sides.entry([triangle[n], triangle[(n + 1) % 3]]).or_default() += 1);
@@ -196,7 +196,7 @@ mod tests {
         }
     }
 
-    fn volume(surface: &Surface) -> f64 {
+    fn volume(surface: &MarchedSurface) -> f64 {
         let corners = |triangle: &[u32; 3]| triangle.map(|n| surface.positions[n as usize]);
         surface.triangles.iter().map(corners).map(|[a, b, c]| a.dot(b.cross(c)) / 6.0).sum()
     }

@@ -18,11 +18,11 @@ pub(super) struct Sampler {
     pub(super) field: Field<f32>,
     /// The box outside of which there is nothing, in the space of the tensors.
     pub(super) region: Aabb,
-    scratch: Pool<Scratch>,
+    scratch: Pool<SampleScratch>,
 }
 
 #[derive(Default)]
-struct Scratch {
+struct SampleScratch {
     samples: Samples<f32>,
     /// The positions that count, and their places among all.
     positions: Vec<[f32; 3]>,
@@ -59,7 +59,7 @@ impl Sampler {
         if !self.may_count_in(around) {
             return;
         }
-        self.scratch.with(|Scratch { samples, positions: counting, places }| {
+        self.scratch.with(|SampleScratch { samples, positions: counting, places }| {
             counting.clear();
             places.clear();
             for (place, position) in positions.enumerate() {

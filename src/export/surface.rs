@@ -10,6 +10,7 @@ use super::shading::{Shader, ray_against};
 use super::{Error, Mesh, Space};
 use strivec_format::geometry::{Aabb, Contraction};
 use strivec_format::model::{Rules, Scene};
+use strivec_format::{Invalid, Place};
 
 /// The most cells along the longest edge.
 const MAX_RESOLUTION: u32 = 2048;
@@ -43,8 +44,7 @@ impl SurfaceOptions {
         if self.alpha > 0.0 && self.alpha < 1.0 {
             return Ok(());
         }
-        let expected = "a number between 0 and 1".into();
-        Err(Error::Setting { field: "alpha", expected, found: self.alpha.to_string() })
+        Err(Error::Setting(Invalid::new(Place::option("alpha"), "a number between 0 and 1", self.alpha)))
     }
 }
 
@@ -95,8 +95,7 @@ pub fn surface(scene: &Scene, options: &SurfaceOptions, progress: &dyn Fn(u64, u
     positions.iter_mut().for_each(|p| *p = position(*p));
     remove_small_parts(&mut positions, &mut triangles, options.min_triangles);
     if triangles.is_empty() {
-        let what = format!("no density has a surface at an `alpha` of {}", options.alpha);
-        return Err(Error::Empty { what, instead: "set a smaller one, a larger `resolution`, or keep smaller parts" });
+        return Err(Error::NoSurface { alpha: options.alpha });
     }
     if let Some(contraction) = &scene.rules.contraction {
         positions.iter_mut().for_each(|p| *p = expand(contraction, *p));

@@ -135,7 +135,7 @@ impl<T: Real> Field<T> {
 
     /// The field of `scene` like [`Field::new`], but takes each scale's factors out of `scene` as soon as they are
     /// converted, which keeps about one copy of them in memory at any time.
-    pub fn taking(scene: &mut Scene) -> Self {
+    pub fn from_scene(scene: &mut Scene) -> Self {
         let taken = |scale: &mut Scale| {
             let factors = held_factors(scale);
             scale.factors.blocks_mut().for_each(|block| block.values = Vec::new());

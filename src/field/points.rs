@@ -12,7 +12,7 @@ const CHUNK: usize = 256;
 
 /// The samples at a chunk of points and their numbers. Reused from one chunk to the next.
 #[derive(Default)]
-struct Scratch<T> {
+struct PointScratch<T> {
     samples: Samples<T>,
     /// \[slot\]\[ΣR\] appearance components.
     components: Vec<T>,
@@ -29,7 +29,7 @@ impl<T: Real> Field<T> {
             1,
             densities,
             #[inline(always)]
-            |Scratch { samples, .. }, densities| {
+            |PointScratch { samples, .. }, densities| {
                 self.gather_density(samples);
                 for (&index, &feature) in samples.tags.iter().zip(&samples.features) {
                     densities[index as usize] = self.density(feature);
@@ -49,7 +49,7 @@ impl<T: Real> Field<T> {
             #[inline(always)]
             |scratch, values| {
                 Arch::new().dispatch(GatherRows { field: self, scratch });
-                let Scratch { samples, components, features } = scratch;
+                let PointScratch { samples, components, features } = scratch;
                 let (slots, ranks) = (samples.distances.len(), self.component_count());
                 features.resize(slots * width, T::zero());
                 multiply(
@@ -73,10 +73,10 @@ impl<T: Real> Field<T> {
         point: impl Fn(usize) -> DVec3 + Sync,
         width: usize,
         values: &mut [T],
-        evaluate: impl Fn(&mut Scratch<T>, &mut [T]) + Sync,
+        evaluate: impl Fn(&mut PointScratch<T>, &mut [T]) + Sync,
     ) {
         // Scratch of a pool, so that chunks do not allocate.
-        let pool = Pool::<Scratch<T>>::default();
+        let pool = Pool::<PointScratch<T>>::default();
         values.par_chunks_mut(CHUNK * width).enumerate().for_each(|(chunk, values)| {
             values.fill(T::zero());
             pool.with(|scratch| {
@@ -108,7 +108,7 @@ impl<T: Real> Field<T> {
 /// Fills the appearance components of all slots.
 struct GatherRows<'a, T> {
     field: &'a Field<T>,
-    scratch: &'a mut Scratch<T>,
+    scratch: &'a mut PointScratch<T>,
 }
 
 impl<T: Real> WithSimd for GatherRows<'_, T> {
@@ -116,7 +116,7 @@ impl<T: Real> WithSimd for GatherRows<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { field, scratch: Scratch { samples, components, .. } } = self;
+        let Self { field, scratch: PointScratch { samples, components, .. } } = self;
         let (width, slots) = (field.component_count(), samples.distances.len());
         components.resize(slots * width + row_padding::<T, S>(), T::zero());
         let mut count = 0;

@@ -27,6 +27,9 @@ pub mod container;
 pub mod digits;
 pub mod escape;
 pub mod geometry;
+mod invalid;
 pub mod model;
 pub mod psnr;
 pub mod random;
+
+pub use invalid::{Invalid, OptionName, Place, named_by};

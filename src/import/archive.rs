@@ -46,7 +46,7 @@ impl<'a, 'b> Archive<'a, 'b> {
         let zip = ZipArchive::new(input).map_err(|e| fault("the archive", e))?;
         // `zip` keeps one entry of each name.
         if zip.len() as u64 != entries {
-            return Err(Fault::invalid("the archive", "two entries have the same name"));
+            return Err(Fault::broken("the archive", "two entries have the same name"));
         }
         Ok(Self { zip })
     }
@@ -102,7 +102,7 @@ impl<'a, 'b> Archive<'a, 'b> {
 
 /// Checks the directory's end before the library reads it, and returns the number of entries.
 fn check_end(input: &mut Input<'_>) -> Result<u64, Fault> {
-    let no_end = || Fault::invalid("the archive's end", "there is no zip directory");
+    let no_end = || Fault::broken("the archive's end", "there is no zip directory");
     let tail_len = input.len().min(22 + u64::from(u16::MAX));
     let tail_start = input.len() - tail_len;
     input.go_to(tail_start)?;
@@ -137,15 +137,15 @@ fn check_end(input: &mut Input<'_>) -> Result<u64, Fault> {
 fn fault(place: &str, error: ZipError) -> Fault {
     match error {
         ZipError::Io(error) => reading(place, error),
-        ZipError::InvalidArchive(what) => Fault::invalid(place, format!("not a valid zip archive: {what}")),
+        ZipError::InvalidArchive(what) => Fault::broken(place, format!("not a valid zip archive: {what}")),
         ZipError::UnsupportedArchive(what) => {
             Fault::unsupported(format!("{place}: {what}"), "save it stored or deflated, without a password")
         }
-        ZipError::FileNotFound => Fault::invalid("the archive", format!("the entry {place} is missing")),
+        ZipError::FileNotFound => Fault::broken("the archive", format!("the entry {place} is missing")),
         ZipError::CompressionMethodNotSupported(method) => {
             Fault::unsupported(format!("{place}: compression by method {method}"), "save it stored or deflated")
         }
-        other => Fault::invalid(place, format!("not a valid zip archive: {other}")),
+        other => Fault::broken(place, format!("not a valid zip archive: {other}")),
     }
 }
 
@@ -157,17 +157,17 @@ fn fault(place: &str, error: ZipError) -> Fault {
 pub fn check_end_of(entry: &mut dyn Read, name: &str) -> Result<(), Fault> {
     match entry.read(&mut [0]).map_err(|e| reading(name, e))? {
         0 => Ok(()),
-        _ => Err(Fault::invalid(name, "it has more bytes than it declares")),
+        _ => Err(Fault::broken(name, "it has more bytes than it declares")),
     }
 }
 
 /// The fault of an error while reading or decompressing; most are the file's, some the system's.
 pub fn reading(place: &str, error: std::io::Error) -> Fault {
     match error.kind() {
-        ErrorKind::UnexpectedEof => Fault::invalid(place, "it ends early"),
+        ErrorKind::UnexpectedEof => Fault::broken(place, "it ends early"),
         // A wrong checksum is `Other`.
         ErrorKind::InvalidData | ErrorKind::InvalidInput | ErrorKind::Other => {
-            Fault::invalid(place, format!("its bytes are damaged: {error}"))
+            Fault::broken(place, format!("its bytes are damaged: {error}"))
         }
         _ => Fault::Io(error),
     }

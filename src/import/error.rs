@@ -1,7 +1,10 @@
 //! Errors of reading geometry.
 
+use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
+
+use strivec_format::{Invalid, OptionName, Place};
 
 /// Why reading failed, without the file's name, which readers of bytes do not have.
 #[derive(Debug, thiserror::Error)]
@@ -10,12 +13,15 @@ pub enum Fault {
     /// The system failed to read the file.
     #[error("cannot read it: {0}")]
     Io(#[from] io::Error),
-    /// The file breaks its format.
+    /// The file has a value that its format does not allow.
+    #[error(transparent)]
+    Malformed(#[from] Invalid),
+    /// The file breaks its format in another way.
     #[error("{place}: {problem}")]
-    Malformed {
+    Broken {
         /// A byte offset, a line, or the name of a part.
         place: String,
-        /// The problem as a clause, with the expected and the found value.
+        /// The problem as a clause.
         problem: String,
     },
     /// A part of the format that is not supported.
@@ -26,6 +32,9 @@ pub enum Fault {
         /// A remedy, as an imperative.
         instead: String,
     },
+    /// A grid in a file without its bounds, which the options do not give either.
+    #[error("a grid without bounds is not supported: give its smallest and largest corner as {}", OptionName("bounds"))]
+    NoBounds,
     /// A count or length exceeds a limit.
     #[error("{what}: at most {limit} are read, found {found}")]
     Limit {
@@ -42,14 +51,14 @@ pub enum Fault {
 }
 
 impl Fault {
-    /// [`Fault::Malformed`] with the problem "expected `expected`, found `found`", two noun phrases.
-    pub fn malformed(place: impl Into<String>, expected: impl Into<String>, found: impl ToString) -> Self {
-        Self::invalid(place, format!("expected {}, found {}", expected.into(), found.to_string()))
+    /// [`Fault::Malformed`].
+    pub fn malformed(place: impl Into<Place>, expected: impl Display, found: impl Display) -> Self {
+        Self::Malformed(Invalid::new(place, expected, found))
     }
 
-    /// [`Fault::Malformed`] with the problem as a clause.
-    pub fn invalid(place: impl Into<String>, problem: impl Into<String>) -> Self {
-        Self::Malformed { place: place.into(), problem: problem.into() }
+    /// [`Fault::Broken`] with the problem as a clause.
+    pub fn broken(place: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::Broken { place: place.into(), problem: problem.into() }
     }
 
     /// [`Fault::Unsupported`].

@@ -97,7 +97,7 @@ impl Format {
             let known: Vec<_> = ENDINGS.iter().map(|(known, _)| format!(".{known}")).collect();
             let found = if ending.is_empty() { "no extension".into() } else { format!("the extension .{ending}") };
             let problem = format!("{found} is not supported; use points3D.bin, points3D.txt or {}", known.join(", "));
-            Fault::invalid("the file name", problem)
+            Fault::broken("the file name", problem)
         })
     }
 }
@@ -116,7 +116,7 @@ pub fn read(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Re
     let points = folders.iter().flat_map(|folder| ["points3D.bin", "points3D.txt"].map(|name| folder.join(name)));
     match points.into_iter().find(|file| file.is_file()) {
         Some(file) => read_file(&file, options, visitor),
-        None => Err(Fault::invalid(
+        None => Err(Fault::broken(
             "the folder",
             "it has neither a ScanNet scene nor, in itself, 0 or sparse/0, COLMAP's points3D.bin or points3D.txt",
         )

@@ -111,9 +111,7 @@ pub fn three_axes(shape: &[u64]) -> Result<[u64; 3], Fault> {
 ///
 /// If `options` has none either.
 pub fn bounds_given(options: &ReadOptions) -> Result<Aabb, Fault> {
-    options
-        .bounds
-        .ok_or_else(|| Fault::unsupported("a grid without bounds", "give its smallest and largest corner as `bounds`"))
+    options.bounds.ok_or(Fault::NoBounds)
 }
 
 /// The map from DVGO's densities to opacities.
@@ -200,6 +198,6 @@ mod tests {
         assert!(Grid::new([2, 2, 2], Order::Xyz, At::Cells, &Aabb::EMPTY).is_err());
         assert_eq!(three_axes(&[1, 1, 2, 3, 1, 1]).unwrap(), [2, 3, 1]);
         let error = three_axes(&[2, 2, 3, 4]).unwrap_err().to_string();
-        assert_eq!(error, "the grid's shape: expected three axes, found [2, 2, 3, 4]");
+        assert_eq!(error, "the grid's shape must be three axes; found [2, 2, 3, 4]");
     }
 }

@@ -8,15 +8,15 @@ use std::path::Path;
 use super::{Fault, Visitor};
 
 /// A source of bytes.
-trait Source: Read + Seek + Send {}
-impl<T: Read + Seek + Send> Source for T {}
+trait ByteSource: Read + Seek + Send {}
+impl<T: Read + Seek + Send> ByteSource for T {}
 
 /// Bytes between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 22;
 
 /// The bytes of a file or of memory.
 pub struct Input<'a> {
-    source: BufReader<Box<dyn Source + 'a>>,
+    source: BufReader<Box<dyn ByteSource + 'a>>,
     offset: u64,
     len: u64,
     reported: u64,
@@ -38,7 +38,7 @@ impl<'a> Input<'a> {
         let file = File::open(path)?;
         let metadata = file.metadata()?;
         if !metadata.is_file() {
-            return Err(Fault::invalid("the path", "it is not a regular file"));
+            return Err(Fault::broken("the path", "it is not a regular file"));
         }
         Ok(Self::new(Box::new(file), metadata.len()))
     }
@@ -48,7 +48,7 @@ impl<'a> Input<'a> {
         Self::new(Box::new(std::io::Cursor::new(bytes)), bytes.len() as u64)
     }
 
-    fn new(source: Box<dyn Source + 'a>, len: u64) -> Self {
+    fn new(source: Box<dyn ByteSource + 'a>, len: u64) -> Self {
         Self { source: BufReader::with_capacity(1 << 18, source), offset: 0, len, reported: 0 }
     }
 
@@ -151,7 +151,7 @@ impl<'a> Input<'a> {
         if line.last() == Some(&end) {
             line.pop();
         } else if line.len() > most {
-            return Err(Fault::invalid(format!("byte {place}"), format!("the line is longer than {most} bytes")));
+            return Err(Fault::broken(format!("byte {place}"), format!("the line is longer than {most} bytes")));
         }
         if line.last() == Some(&b'\r') {
             line.pop();

@@ -19,7 +19,7 @@ const BINARY: &[u8] = b"# Octomap OcTree binary file";
 const FULL: &[u8] = b"# Octomap OcTree file";
 
 /// The header before the nodes.
-struct Header {
+struct TreeHeader {
     binary: bool,
     /// True if the nodes of a file that is not binary have colors.
     colors: bool,
@@ -31,7 +31,7 @@ struct Header {
 
 /// A node whose children are being read.
 #[derive(Clone, Copy)]
-struct Frame {
+struct OpenNode {
     /// Smallest corner, in smallest cells from the root's.
     corner: [u32; 3],
     /// Levels below the root.
@@ -47,13 +47,13 @@ struct Frame {
 ///
 /// If the file breaks the format, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
-    let header = Header::read(input)?;
+    let header = TreeHeader::read(input)?;
     let mut found = 0;
     if header.nodes > 0 {
         let threshold = log_odds(options.threshold);
         let mut path = Vec::with_capacity(DEPTH as usize + 1);
         found = 1;
-        let root = Frame { corner: [0; 3], depth: 0, to_come: 0 };
+        let root = OpenNode { corner: [0; 3], depth: 0, to_come: 0 };
         found += header.node(root, threshold, input, &mut path, visitor)?;
         while let Some(parent) = path.last_mut() {
             input.report(visitor)?;
@@ -74,7 +74,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     Ok(())
 }
 
-impl Header {
+impl TreeHeader {
     fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
         let mut line = Vec::new();
         input.line(&mut line, MAX_LINE)?;
@@ -110,7 +110,7 @@ impl Header {
                         Some(res.ok_or_else(|| Fault::malformed(place(), "a finite edge length above 0", value))?);
                 }
                 "data" => {
-                    let missing = |what: &str| Fault::invalid(place(), format!("the header has no line \"{what}\""));
+                    let missing = |what: &str| Fault::broken(place(), format!("the header has no line \"{what}\""));
                     let id = id.ok_or_else(|| missing("id"))?;
                     let colors = match (id.as_str(), binary) {
                         ("OcTree", _) => false,
@@ -128,17 +128,17 @@ impl Header {
                 _ => {}
             }
         }
-        Err(Fault::invalid(format!("line {MAX_LINES}"), "the header has no line \"data\""))
+        Err(Fault::broken(format!("line {MAX_LINES}"), "the header has no line \"data\""))
     }
 
     /// Reads `node`, passes its occupied leaves to `visitor`, and pushes it to `path` for its children. Returns the
     /// number of children.
     fn node(
         &self,
-        node: Frame,
+        node: OpenNode,
         threshold: f64,
         input: &mut Input<'_>,
-        path: &mut Vec<Frame>,
+        path: &mut Vec<OpenNode>,
         visitor: &mut dyn Visitor,
     ) -> Result<u64, Fault> {
         let place = input.place();
@@ -172,7 +172,7 @@ impl Header {
             }
             (children, children.count_ones())
         };
-        path.push(Frame { to_come, ..node });
+        path.push(OpenNode { to_come, ..node });
         Ok(children.into())
     }
 
@@ -183,7 +183,7 @@ impl Header {
         Ok(())
     }
 
-    fn cell(&self, node: Frame) -> Aabb {
+    fn cell(&self, node: OpenNode) -> Aabb {
         let middle = f64::from(1 << (DEPTH - 1));
         let min = DVec3::from_array(node.corner.map(f64::from)) - middle;
         let max = min + f64::from(1 << (DEPTH - node.depth));
@@ -191,7 +191,7 @@ impl Header {
     }
 }
 
-impl Frame {
+impl OpenNode {
     fn child(&self, number: u32) -> Self {
         let edge = 1 << (DEPTH - self.depth - 1);
         let corner = std::array::from_fn(|axis| self.corner[axis] + edge * (number >> axis & 1));
@@ -269,11 +269,11 @@ mod tests {
         let mut nodes = node(0.0, 0x80).repeat(17);
         nodes.extend(node(1.0, 0));
         let bad = message(&tree(false, "id OcTree\nsize 18\nres 0.25", &nodes));
-        assert!(bad.ends_with("expected a leaf at level 16, found a node with children"), "{bad}");
+        assert!(bad.ends_with("must be a leaf at level 16; found a node with children"), "{bad}");
         let mut nodes = [0, 0b1100_0000].repeat(16);
         nodes.extend([0, 0b1000_0000]);
         let bad = message(&tree(true, "id OcTree\nsize 18\nres 0.25", &nodes));
-        assert!(bad.ends_with("expected a leaf at level 16, found a node with children"), "{bad}");
+        assert!(bad.ends_with("must be a leaf at level 16; found a node with children"), "{bad}");
     }
 
     #[test]
@@ -282,13 +282,13 @@ mod tests {
         assert!(message(&tree(true, "id OcTree\nsize 1", &[])).ends_with("line 6: the header has no line \"res\""));
         for res in ["0", "-1", "NaN", "inf", "1e308", "x"] {
             let error = message(&tree(true, &format!("id OcTree\nres {res}"), &[]));
-            assert_eq!(error, format!("line 5: expected a finite edge length above 0, found {res}"));
+            assert_eq!(error, format!("line 5 must be a finite edge length above 0; found {res}"));
         }
         assert_eq!(
             message(&tree(false, "id CountingOcTree\nsize 1\nres 1", &[])),
             "OctoMap's \"CountingOcTree\" is not supported: convert it to an OcTree or a ColorOcTree"
         );
-        assert_eq!(message(&tree(true, "size -4", &[])), "line 4: expected a number of nodes, found -4");
+        assert_eq!(message(&tree(true, "size -4", &[])), "line 4 must be a number of nodes; found -4");
         assert!(
             message(&[FULL, b"\n#\n"].concat())
                 .ends_with("line 3: expected a line \"data\", found the end of the file")
@@ -301,14 +301,14 @@ mod tests {
     fn trees_that_end_elsewhere_are_refused() {
         assert_eq!(
             message(&tree(true, "id OcTree\nsize 4000000000\nres 1", &[3, 0])),
-            "byte 84: expected 2 bytes of a node, found 0 bytes"
+            "byte 84 must be 2 bytes of a node; found 0 bytes"
         );
         let bad = message(&tree(true, "id OcTree\nsize 3\nres 1", &[2, 0]));
-        assert!(bad.ends_with("expected 3 nodes, as the header says, found 2"), "{bad}");
+        assert!(bad.ends_with("must be 3 nodes, as the header says; found 2"), "{bad}");
         let followed = tree(true, "id OcTree\nsize 2\nres 1", &[2, 0, 9]);
         assert_eq!(seen(&followed).unwrap().cells.len(), 1, "what follows is not the tree's");
         let bad = message(&tree(false, "id OcTree\nsize 1\nres 1", &node(f32::NAN, 0)));
-        assert!(bad.ends_with("expected log odds that are a number, found NaN"), "{bad}");
+        assert!(bad.ends_with("must be log odds that are a number; found NaN"), "{bad}");
         assert_eq!(seen(&tree(true, "id OcTree\nsize 0\nres 1", &[])).unwrap().cells, []);
     }
 }

@@ -21,12 +21,13 @@ const MAX_LINE: usize = 1 << 24;
 ///
 /// If the file breaks the format, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
-    let mut lines = Lines { input, text: Vec::new(), number: 0 };
+    let mut lines = OffLines { input, text: Vec::new(), number: 0 };
     lines.advance(visitor)?;
     let mut words = lines.words();
     let first = words.next().unwrap_or_default().to_owned();
     let prefix = first.strip_suffix("OFF").ok_or_else(|| lines.wrong("OFF"))?;
-    let columns = Columns::of(prefix).ok_or_else(|| lines.wrong("OFF, COFF, NOFF, CNOFF or one of these after ST"))?;
+    let columns =
+        ColorColumns::of(prefix).ok_or_else(|| lines.wrong("OFF, COFF, NOFF, CNOFF or one of these after ST"))?;
     let binary = words.next() == Some("BINARY");
     drop(words);
     if binary {
@@ -42,7 +43,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     let (least, left) = (vertices.saturating_mul(6).saturating_add(faces.saturating_mul(2)), lines.input.left() + 1);
     if least > left {
         let problem = format!("{vertices} vertices and {faces} faces need at least {least} bytes, but {left} are left");
-        return Err(Fault::invalid(lines.place(), problem));
+        return Err(Fault::broken(lines.place(), problem));
     }
     let points = options.vertices || faces == 0;
     let mut held = Vec::new();
@@ -59,7 +60,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
 }
 
 fn read_faces(
-    lines: &mut Lines<'_, '_>,
+    lines: &mut OffLines<'_, '_>,
     faces: u64,
     vertices: &[Point],
     visitor: &mut dyn Visitor,
@@ -90,19 +91,19 @@ fn read_faces(
 }
 
 /// The lines that are not blank, without comments.
-struct Lines<'i, 'a> {
+struct OffLines<'i, 'a> {
     input: &'i mut Input<'a>,
     text: Vec<u8>,
     number: u64,
 }
 
-impl Lines<'_, '_> {
+impl OffLines<'_, '_> {
     fn advance(&mut self, visitor: &mut dyn Visitor) -> Result<(), Fault> {
         loop {
             self.input.report(visitor)?;
             self.number += 1;
             if !self.input.line(&mut self.text, MAX_LINE)? {
-                return Err(Fault::invalid(self.place(), "the file ends before its last vertex or face"));
+                return Err(Fault::broken(self.place(), "the file ends before its last vertex or face"));
             }
             if let Some(start) = self.text.iter().position(|&b| b == b'#') {
                 self.text.truncate(start);
@@ -135,12 +136,12 @@ impl Lines<'_, '_> {
 }
 
 /// The columns of a vertex after its position.
-struct Columns {
+struct ColorColumns {
     normal: bool,
     color: bool,
 }
 
-impl Columns {
+impl ColorColumns {
     fn of(prefix: &str) -> Option<Self> {
         match prefix.strip_prefix("ST").unwrap_or(prefix) {
             "" => Some(Self { normal: false, color: false }),
@@ -151,7 +152,7 @@ impl Columns {
         }
     }
 
-    fn vertex(&self, lines: &Lines<'_, '_>) -> Result<Point, Fault> {
+    fn vertex(&self, lines: &OffLines<'_, '_>) -> Result<Point, Fault> {
         let values: Vec<f64> = lines.numbers(0)?;
         let [x, y, z, ref more @ ..] = values[..] else { return Err(lines.wrong("three coordinates")) };
         let more = if self.normal { more.get(3..).unwrap_or_default() } else { more };
@@ -209,22 +210,22 @@ mod tests {
     fn hostile_files_are_named() {
         for (text, expected) in [
             ("", "line 1: the file ends before its last vertex or face"),
-            ("solid\n", "line 1: expected OFF, found \"solid\""),
-            ("4OFF\n", "line 1: expected OFF, COFF, NOFF, CNOFF or one of these after ST, found \"4OFF\""),
+            ("solid\n", "line 1 must be OFF; found \"solid\""),
+            ("4OFF\n", "line 1 must be OFF, COFF, NOFF, CNOFF or one of these after ST; found \"4OFF\""),
             ("OFF BINARY\n", "a binary OFF file is not supported: export it as text"),
-            ("OFF\n4\n", "line 2: expected the numbers of vertices and faces, found \"4\""),
-            ("OFF\nx 1\n", "line 2: expected numbers, found \"x 1\""),
+            ("OFF\n4\n", "line 2 must be the numbers of vertices and faces; found \"4\""),
+            ("OFF\nx 1\n", "line 2 must be numbers; found \"x 1\""),
             (
                 "OFF\n18446744073709551615 4000000000 0\n",
                 "line 2: 18446744073709551615 vertices and 4000000000 faces need at least 18446744073709551615 bytes, \
                  but 1 are left",
             ),
-            ("OFF\n1 0 0\n1 2\n   ", "line 3: expected three coordinates, found \"1 2\""),
-            ("OFF\n1 0 0\n1 nan 2", "line 3: expected finite coordinates, found [1, NaN, 2]"),
-            ("OFF\n1 1 0\n1 1 2\n3 0 0 1", "line 4: expected a vertex index of at least 0 and below 1, found \"1\""),
-            ("OFF\n1 1 0\n1 1 2\n3 0 0", "line 4: expected 3 corners, found 2"),
+            ("OFF\n1 0 0\n1 2\n   ", "line 3 must be three coordinates; found \"1 2\""),
+            ("OFF\n1 0 0\n1 nan 2", "line 3 must be finite coordinates; found [1, NaN, 2]"),
+            ("OFF\n1 1 0\n1 1 2\n3 0 0 1", "line 4 must be a vertex index of at least 0 and below 1; found \"1\""),
+            ("OFF\n1 1 0\n1 1 2\n3 0 0", "line 4 must be 3 corners; found 2"),
             ("OFF\n1 1 0\n1 1 2\n9999999 0", "corners of a polygon: at most 1048576 are read, found 9999999"),
-            ("COFF\n1 0 0\n1 1 2", "line 3: expected a color after the coordinates, found \"1 1 2\""),
+            ("COFF\n1 0 0\n1 1 2", "line 3 must be a color after the coordinates; found \"1 1 2\""),
         ] {
             assert_eq!(fault(text), expected);
         }

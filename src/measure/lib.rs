@@ -11,10 +11,10 @@ mod paired;
 mod parity;
 mod png;
 mod probes;
-mod psnr;
 mod regions;
 mod report;
 mod sheet;
+mod squared_error;
 mod ssim;
 
 pub use error::Error;
@@ -26,8 +26,8 @@ pub use probes::{
     CheckedProbes, OverBudget, PROBE_MARGIN, ProbeLimits, ProbeReport, check_probes, check_probes_within, make_probes,
     probe_density_error,
 };
-pub use psnr::{mse, psnr};
 pub use regions::{Region, RegionErrors, RegionReport};
 pub use report::{Report, ViewReport, counted};
-pub use sheet::{Canvas, side_by_side, stacked};
+pub use sheet::{Sheet, side_by_side, stacked};
+pub use squared_error::{mse, psnr};
 pub use ssim::{SSIM_WINDOW, SsimConvention, ssim};

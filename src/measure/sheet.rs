@@ -9,14 +9,14 @@ const GAP_COLOR: [f32; 3] = [0.5; 3];
 
 /// A picture of colors without opacity and depth.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Canvas {
+pub struct Sheet {
     /// Columns and rows.
     pub size: [u32; 2],
     /// \[rows\]\[columns\], row-major from the top left.
     pub colors: Vec<[f32; 3]>,
 }
 
-impl Canvas {
+impl Sheet {
     /// A picture of `colors` of `size` (columns, rows).
     ///
     /// # Errors
@@ -29,7 +29,7 @@ impl Canvas {
 }
 
 /// `pictures` from left to right with a gray gap between them, aligned at the top.
-pub fn side_by_side(pictures: &[Canvas]) -> Canvas {
+pub fn side_by_side(pictures: &[Sheet]) -> Sheet {
     let gaps = GAP * pictures.len().saturating_sub(1) as u32;
     let width = pictures.iter().map(|p| p.size[0]).sum::<u32>() + gaps;
     let height = pictures.iter().map(|p| p.size[1]).max().unwrap_or(0);
@@ -43,13 +43,13 @@ pub fn side_by_side(pictures: &[Canvas]) -> Canvas {
         }
         left += columns + GAP as usize;
     }
-    Canvas { size: [width, height], colors }
+    Sheet { size: [width, height], colors }
 }
 
 /// `rows` of pictures below each other with a gray gap between them, aligned at the left.
-pub fn stacked(rows: &[Canvas]) -> Canvas {
+pub fn stacked(rows: &[Sheet]) -> Sheet {
     let width = rows.iter().map(|p| p.size[0]).max().unwrap_or(0);
-    let mut sheet = Canvas { size: [width, 0], colors: Vec::new() };
+    let mut sheet = Sheet { size: [width, 0], colors: Vec::new() };
     for (i, row) in rows.iter().enumerate() {
         if i > 0 {
             sheet.append_rows(GAP);
@@ -65,7 +65,7 @@ pub fn stacked(rows: &[Canvas]) -> Canvas {
     sheet
 }
 
-impl Canvas {
+impl Sheet {
     fn append_rows(&mut self, rows: u32) {
         self.size[1] += rows;
         self.colors.resize(self.size[0] as usize * self.size[1] as usize, GAP_COLOR);
@@ -76,8 +76,8 @@ impl Canvas {
 mod tests {
     use super::*;
 
-    fn filled(size: [u32; 2], color: f32) -> Canvas {
-        Canvas::new(size, vec![[color; 3]; (size[0] * size[1]) as usize]).unwrap()
+    fn filled(size: [u32; 2], color: f32) -> Sheet {
+        Sheet::new(size, vec![[color; 3]; (size[0] * size[1]) as usize]).unwrap()
     }
 
     #[test]
@@ -98,6 +98,6 @@ mod tests {
 
     #[test]
     fn a_wrong_number_of_colors_is_refused() {
-        assert!(matches!(Canvas::new([2, 2], vec![[0.0; 3]; 3]), Err(Error::Size { expected: 4, found: 3 })));
+        assert!(matches!(Sheet::new([2, 2], vec![[0.0; 3]; 3]), Err(Error::Size { expected: 4, found: 3 })));
     }
 }

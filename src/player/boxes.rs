@@ -27,7 +27,7 @@ const FROM_END: f64 = 1e-3;
 /// `Boxes` of `shaders/boxes.wgsl`.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-struct Uniform {
+struct BoxesUniform {
     clip_from_model: [[f32; 4]; 4],
     halves: [[f32; 4]; SCALES],
     colors: [[f32; 4]; SCALES],
@@ -42,7 +42,7 @@ pub struct BoxLines {
     pipeline: wgpu::RenderPipeline,
     bind_group: wgpu::BindGroup,
     uniform_buffer: wgpu::Buffer,
-    uniform: Uniform,
+    uniform: BoxesUniform,
     /// \[tensor\] center relative to `origin`, in model units, and index of the scale.
     centers: wgpu::Buffer,
     /// \[scale\] index of its first tensor; after the last scale, the number of tensors.
@@ -75,7 +75,7 @@ impl BoxLines {
         };
         let centers_buffer = buffer("centers", 16 * centers.len().max(1), Usage::VERTEX | Usage::COPY_DST);
         gpu.queue().write_buffer(&centers_buffer, 0, bytemuck::cast_slice(&centers));
-        let uniform_buffer = buffer("boxes", size_of::<Uniform>(), Usage::UNIFORM | Usage::COPY_DST);
+        let uniform_buffer = buffer("boxes", size_of::<BoxesUniform>(), Usage::UNIFORM | Usage::COPY_DST);
         let pipeline = pipeline(device, format);
         let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("boxes"),
@@ -86,7 +86,7 @@ impl BoxLines {
             None => (0.0, 1),
             Some(contraction) => (contraction.shell as f32, SEGMENTS),
         };
-        let uniform = Uniform { clip_from_model: [[0.0; 4]; 4], halves, colors, shell, segments, padding: [0; 2] };
+        let uniform = BoxesUniform { clip_from_model: [[0.0; 4]; 4], halves, colors, shell, segments, padding: [0; 2] };
         Self { pipeline, bind_group, uniform_buffer, uniform, centers: centers_buffer, firsts, origin }
     }
 
@@ -94,7 +94,7 @@ impl BoxLines {
     /// must be the picture's rectangle.
     pub fn draw(&self, gpu: &Gpu, pass: &mut wgpu::RenderPass<'_>, camera: &Camera, scales: &[bool]) {
         let clip_from_model = clip_from_model(camera, self.origin).to_cols_array_2d().map(|c| c.map(|v| v as f32));
-        let uniform = Uniform { clip_from_model, ..self.uniform };
+        let uniform = BoxesUniform { clip_from_model, ..self.uniform };
         gpu.queue().write_buffer(&self.uniform_buffer, 0, bytemuck::bytes_of(&uniform));
         pass.set_pipeline(&self.pipeline);
         pass.set_bind_group(0, &self.bind_group, &[]);
@@ -222,7 +222,7 @@ mod tests {
         strivec_field::render::gpu::testing::assert_same_layout!(
             SHADER,
             "Boxes",
-            Uniform,
+            BoxesUniform,
             clip_from_model,
             halves,
             colors,

@@ -14,7 +14,7 @@ pub enum Comparison {
 
 /// Rectangle of a picture on a surface, and its visible part: left, top, right and bottom, in the surface's pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct PictureRect {
     /// The whole picture.
     pub whole: [f32; 4],
     /// The visible part of the picture.
@@ -23,13 +23,13 @@ pub struct Place {
 
 impl Comparison {
     /// The places of the two pictures in `area`.
-    pub fn places(self, area: [f32; 4]) -> [Place; 2] {
+    pub fn places(self, area: [f32; 4]) -> [PictureRect; 2] {
         let [left, top, right, bottom] = area;
         let part = |at: f32| left + at * (right - left);
         let halves = |x: f32| [[left, top, x, bottom], [x, top, right, bottom]];
         match self {
-            Self::SideBySide => halves(part(0.5).floor()).map(Place::of),
-            Self::Slider(at) => halves(part(at.clamp(0.0, 1.0))).map(|seen| Place { whole: area, seen }),
+            Self::SideBySide => halves(part(0.5).floor()).map(PictureRect::of),
+            Self::Slider(at) => halves(part(at.clamp(0.0, 1.0))).map(|seen| PictureRect { whole: area, seen }),
         }
     }
 
@@ -51,7 +51,7 @@ impl Comparison {
     }
 }
 
-impl Place {
+impl PictureRect {
     /// The whole of `area`, all of it visible.
     pub fn of(area: [f32; 4]) -> Self {
         Self { whole: area, seen: area }

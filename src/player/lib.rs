@@ -2,7 +2,7 @@
 //!
 //! [`Session`] is the state of a player: scenes in [`SceneSlot`]s, the camera in [`Controls`], the settings, and the
 //! loop that draws. [`Recorder`] records and plays camera paths, [`Pace`] chooses the resolution of the next picture,
-//! [`Screen`] displays pictures of the graphics renderer, [`Comparison`] arranges two pictures, [`Photograph`] blends
+//! [`Screen`] displays pictures of the graphics renderer, [`Comparison`] arranges two pictures, [`PhotographOverlay`] blends
 //! in a photograph, [`Stream`] opens files while they arrive, [`facts()`] describe a file, and [`KEYS`] are the help.
 //! Windows, menus and files belong to `desktop` and to the page.
 #![forbid(unsafe_code)]
@@ -28,13 +28,13 @@ mod streaming;
 pub use action::{Action, action_of};
 pub use boxes::{BoxLines, each_line};
 pub use clock::now;
-pub use comparison::{Comparison, Place};
+pub use comparison::{Comparison, PictureRect};
 pub use controls::{Controls, Drag};
 pub use facts::{Fact, facts};
 pub use gestures::{Gesture, Gestures};
 pub use keys::KEYS;
 pub use pace::Pace;
-pub use photograph::Photograph;
+pub use photograph::PhotographOverlay;
 pub use quality::{adapted, named_choices};
 pub use recorder::Recorder;
 pub use scene_slot::{Painter, SceneSlot};

@@ -6,7 +6,7 @@ use strivec_format::geometry::Camera;
 
 /// The chosen training camera of a file, and the display of its photograph.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Photograph {
+pub struct PhotographOverlay {
     /// Index of the camera in the file; `None` before one is chosen.
     pub camera: Option<usize>,
     /// Chosen share of the photograph in the picture, from 0 to 1.
@@ -15,7 +15,7 @@ pub struct Photograph {
     pub is_loaded: bool,
 }
 
-impl Photograph {
+impl PhotographOverlay {
     /// Moves the camera of `controls` to training camera `n` of `cameras`. Returns whether there is such a camera.
     pub fn go_to(&mut self, n: usize, cameras: &[TrainingCamera], controls: &mut Controls) -> bool {
         let Some(camera) = cameras.get(n) else { return false };
@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn neighbors_of_cameras_wrap_around() {
-        let mut photograph = Photograph::default();
+        let mut photograph = PhotographOverlay::default();
         assert_eq!([true, false].map(|is_next| photograph.neighbor(3, is_next)), [0, 2]);
         photograph.camera = Some(2);
         assert_eq!([true, false].map(|is_next| photograph.neighbor(3, is_next)), [0, 1]);
@@ -97,7 +97,7 @@ mod tests {
         let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/v1/everything.strivec");
         let scene_file = decode_scene_file(&std::fs::read(fixture).unwrap(), Limits::default()).unwrap();
         let mut controls = Controls::new(&scene_file.scene, None, &[]);
-        let mut photograph = Photograph { share: 0.5, is_loaded: true, ..Photograph::default() };
+        let mut photograph = PhotographOverlay { share: 0.5, is_loaded: true, ..PhotographOverlay::default() };
         assert!(!photograph.go_to(3, &cameras(), &mut controls) && photograph.camera.is_none());
         assert!(photograph.go_to(1, &cameras(), &mut controls));
         assert_eq!((photograph.camera, photograph.shown_share()), (Some(1), 0.0), "the photograph is another camera's");

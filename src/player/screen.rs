@@ -138,7 +138,7 @@ struct Uniform {
 
 /// A finished picture in device memory.
 #[derive(Debug)]
-struct Kept {
+struct KeptPicture {
     pixels: wgpu::Buffer,
     camera: Camera,
 }
@@ -151,7 +151,7 @@ pub struct Screen {
     uniform: wgpu::Buffer,
     sampler: wgpu::Sampler,
     photograph: wgpu::TextureView,
-    kept: Option<Kept>,
+    kept: Option<KeptPicture>,
     is_linear: bool,
 }
 
@@ -187,7 +187,7 @@ impl Screen {
         let mut encoder = self.gpu.device().create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_buffer_to_buffer(renderer.pixels(), 0, &pixels, 0, Some(pixels.size()));
         self.gpu.queue().submit([encoder.finish()]);
-        self.kept = Some(Kept { pixels, camera: *camera });
+        self.kept = Some(KeptPicture { pixels, camera: *camera });
     }
 
     /// Keeps a picture that was not drawn on the device: the pixels that `camera` saw.
@@ -200,7 +200,7 @@ impl Screen {
             })
             .collect();
         self.gpu.queue().write_buffer(&pixels, 0, bytemuck::cast_slice(&values));
-        self.kept = Some(Kept { pixels, camera: *camera });
+        self.kept = Some(KeptPicture { pixels, camera: *camera });
     }
 
     /// A buffer for `camera`'s pixels: that of the previous picture if it has the same size.
@@ -235,7 +235,7 @@ impl Screen {
     /// Draws the picture into `pass`, with its corner at `corner` and of `size`, in the surface's pixels. The scissor
     /// rectangle of `pass` selects the visible part.
     pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>, corner: [f32; 2], size: [f32; 2], show: &Show) {
-        let Some(Kept { pixels, camera }) = &self.kept else { return };
+        let Some(KeptPicture { pixels, camera }) = &self.kept else { return };
         let axis = |n: usize| camera.world_from_camera.col(n).to_array().map(|v| v as f32);
         let uniform = Uniform {
             picture: [camera.width, camera.height],

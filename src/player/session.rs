@@ -1,8 +1,8 @@
 //! The state of a player, apart from its window or page: scenes, camera, settings, and the picture that is being drawn.
 
 use super::{
-    Action, Comparison, Controls, Pace, Painter, Photograph, Place, Recorder, SceneSlot, Show, Step, View, action_of,
-    clock, named_choices,
+    Action, Comparison, Controls, Pace, Painter, PhotographOverlay, PictureRect, Recorder, SceneSlot, Show, Step, View,
+    action_of, clock, named_choices,
 };
 use strivec_field::render::gpu::GpuError;
 use strivec_field::render::{Approximation, RenderSettings};
@@ -35,7 +35,7 @@ pub struct Session<P: Painter> {
     /// True if tensor boxes are drawn.
     pub has_boxes: bool,
     /// The chosen training camera and its photograph.
-    pub photograph: Photograph,
+    pub photograph: PhotographOverlay,
     /// The recorded camera path.
     pub recorder: Recorder,
     /// Stored settings to open scenes with, by name.
@@ -74,7 +74,7 @@ impl<P: Painter> Session<P> {
             comparison: Comparison::Slider(0.5),
             boxes: Vec::new(),
             has_boxes: false,
-            photograph: Photograph::default(),
+            photograph: PhotographOverlay::default(),
             recorder: Recorder::default(),
             quality: None,
             seconds: None,
@@ -120,7 +120,7 @@ impl<P: Painter> Session<P> {
             self.controls = Some(controls);
             self.background = None;
             (self.seconds, self.seconds_before) = (None, None);
-            self.photograph = Photograph::default();
+            self.photograph = PhotographOverlay::default();
             self.boxes.clear();
         }
         if n == 0 {
@@ -202,8 +202,8 @@ impl<P: Painter> Session<P> {
     }
 
     /// Places of the scenes' pictures in `area`: left, top, right, bottom.
-    pub fn places(&self, area: [f32; 4]) -> [Place; 2] {
-        self.active_comparison().map_or([Place::of(area); 2], |comparison| comparison.places(area))
+    pub fn places(&self, area: [f32; 4]) -> [PictureRect; 2] {
+        self.active_comparison().map_or([PictureRect::of(area); 2], |comparison| comparison.places(area))
     }
 
     /// The camera of scene `n` for a picture of `size`.

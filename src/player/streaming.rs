@@ -29,7 +29,7 @@ pub struct Step {
 /// A file that arrives in pieces.
 #[derive(Debug, Default)]
 pub struct Stream {
-    known: Sparse,
+    known: ArrivedBytes,
     contents: Option<Contents>,
     /// Number of scales of the last step.
     shown: usize,
@@ -164,20 +164,20 @@ fn joined(ranges: impl Iterator<Item = Range<u64>>) -> Vec<Range<u64>> {
 
 /// The bytes of a file that have arrived.
 #[derive(Debug)]
-struct Sparse {
+struct ArrivedBytes {
     /// Offset and bytes, ascending; none overlap.
     parts: Vec<(u64, Vec<u8>)>,
     /// End of the file; `u64::MAX` while unknown.
     end: u64,
 }
 
-impl Default for Sparse {
+impl Default for ArrivedBytes {
     fn default() -> Self {
         Self { parts: Vec::new(), end: u64::MAX }
     }
 }
 
-impl Sparse {
+impl ArrivedBytes {
     fn add(&mut self, offset: u64, bytes: Vec<u8>) {
         let end = offset + bytes.len() as u64;
         for gap in self.missing(offset..end) {
@@ -217,7 +217,7 @@ impl Sparse {
     }
 }
 
-impl Source for &Sparse {
+impl Source for &ArrivedBytes {
     fn read(&self, range: Range<u64>) -> Result<Cow<'_, [u8]>, Error> {
         if let Some(range) = self.missing(range.clone()).into_iter().next() {
             return Err(Error::Source { range, message: "the bytes have not arrived".into() });
@@ -284,7 +284,7 @@ mod tests {
 
     #[test]
     fn missing_ranges_are_found() {
-        let mut sparse = Sparse::default();
+        let mut sparse = ArrivedBytes::default();
         sparse.add(10, vec![1; 10]);
         sparse.add(30, vec![3; 10]);
         sparse.add(5, vec![2; 30]);

@@ -8,10 +8,10 @@ use glam::{DQuat, DVec2};
 use rayon::prelude::*;
 
 use super::camera_model::CameraModel;
-use super::layout::Photograph;
+use super::layout::PlannedPicture;
 use super::options::write;
-use super::points::Point;
-use super::scene::Scene;
+use super::points::SurfacePoint;
+use super::scene::SyntheticScene;
 use crate::Error;
 use strivec_capture::dataset::OPENGL_FROM_OPENCV;
 use strivec_capture::dataset::model_number;
@@ -25,19 +25,24 @@ const MIN_TRACK: usize = 2;
 const TOLERANCE: f64 = 1e-6;
 
 /// A reconstruction without errors.
-pub(super) struct Model<'a> {
+pub(super) struct Reconstruction<'a> {
     model: CameraModel,
-    photographs: &'a [Photograph],
-    points: Vec<&'a Point>,
+    photographs: &'a [PlannedPicture],
+    points: Vec<&'a SurfacePoint>,
     /// \[picture\] where it sees which of `points`.
     keypoints: Vec<Vec<(DVec2, usize)>>,
     /// \[point\] the pictures that see it, and the keypoint in each.
     tracks: Vec<Vec<(usize, usize)>>,
 }
 
-impl<'a> Model<'a> {
+impl<'a> Reconstruction<'a> {
     /// The reconstruction of those `points` of `scene` that at least two of `photographs` see.
-    pub(super) fn new(scene: &Scene, photographs: &'a [Photograph], points: &'a [Point], model: CameraModel) -> Self {
+    pub(super) fn new(
+        scene: &SyntheticScene,
+        photographs: &'a [PlannedPicture],
+        points: &'a [SurfacePoint],
+        model: CameraModel,
+    ) -> Self {
         let seen: Vec<Vec<Option<DVec2>>> = (photographs.par_iter())
             .map(|photograph| points.iter().map(|point| place(scene, &photograph.camera, point)).collect())
             .collect();
@@ -167,7 +172,7 @@ impl<'a> Model<'a> {
 }
 
 /// The picture point at which `camera` sees `point`. `None` if it is outside of the picture or hidden.
-fn place(scene: &Scene, camera: &Camera, point: &Point) -> Option<DVec2> {
+fn place(scene: &SyntheticScene, camera: &Camera, point: &SurfacePoint) -> Option<DVec2> {
     let at = camera.project(point.position).filter(|at| camera.is_inside(*at))?;
     let line = point.position - camera.position;
     let ray = Ray { origin: camera.position, direction: line.normalize() };

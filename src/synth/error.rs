@@ -3,6 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use strivec_format::Invalid;
+
 /// Reasons why a synthetic capture is not made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -29,44 +31,9 @@ pub enum Error {
         /// The folder.
         path: PathBuf,
     },
-    /// An option that is out of range.
-    #[error("`{what}` must be 1 to {limit}; found {found}")]
-    Option {
-        /// The field of [`SynthOptions`](crate::SynthOptions), or `width` or `height` of `size`.
-        what: &'static str,
-        /// The largest value.
-        limit: u32,
-        /// The value found.
-        found: u32,
-    },
-    /// A camera model that the layout cannot state.
-    #[error("`camera` must be {expected} in the layout {layout}; found {found}")]
-    Camera {
-        /// The layout's name.
-        layout: &'static str,
-        /// The names of the camera models that it can state.
-        expected: String,
-        /// The name of the camera model.
-        found: &'static str,
-    },
-    /// A meadow for the layout of rooms.
-    #[error("`surroundings` must be a room or none in the layout scannet; found a meadow")]
-    Meadow,
-    /// A number of test views that the layout does not hold out.
-    #[error(
-        "`test_views` must be {expected} for {views} training views, as the layout {layout} holds out every eighth \
-         picture; found {found}"
-    )]
-    TestViews {
-        /// The layout's name.
-        layout: &'static str,
-        /// The number of training views.
-        views: u32,
-        /// The number of test views that fits.
-        expected: u32,
-        /// The number of test views found.
-        found: u32,
-    },
+    /// An option that is out of range, or that the layout does not support.
+    #[error(transparent)]
+    Option(#[from] Invalid),
 }
 
 impl Error {

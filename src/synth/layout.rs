@@ -29,7 +29,7 @@ pub enum SynthLayout {
 }
 
 /// A picture to be made.
-pub(super) struct Photograph {
+pub(super) struct PlannedPicture {
     /// The path of the picture in the dataset's folder.
     pub(super) file: String,
     /// The split that it is made for.
@@ -38,7 +38,7 @@ pub(super) struct Photograph {
     pub(super) camera: Camera,
 }
 
-impl Photograph {
+impl PlannedPicture {
     /// The file's name without folder and ending.
     pub(super) fn stem(&self) -> &str {
         let name = self.file.rsplit('/').next().unwrap_or_default();
@@ -124,13 +124,18 @@ impl SynthLayout {
     }
 
     /// The pictures of the three splits. Layouts that hold out every eighth have no validation views.
-    pub(super) fn photographs(self, train: Vec<Camera>, validation: Vec<Camera>, test: Vec<Camera>) -> Vec<Photograph> {
+    pub(super) fn photographs(
+        self,
+        train: Vec<Camera>,
+        validation: Vec<Camera>,
+        test: Vec<Camera>,
+    ) -> Vec<PlannedPicture> {
         if self.holds_out_every_eighth() {
             let (mut train, mut test) = (train.into_iter(), test.into_iter());
             let next = |n: usize| {
                 let is_test = n.is_multiple_of(TEST_EVERY);
                 let (split, camera) = if is_test { (Split::Test, test.next()) } else { (Split::Train, train.next()) };
-                Some(Photograph { file: format!("images/{n:05}.png"), split, camera: camera? })
+                Some(PlannedPicture { file: format!("images/{n:05}.png"), split, camera: camera? })
             };
             return (0..).map_while(next).collect();
         }
@@ -141,7 +146,7 @@ impl SynthLayout {
                     Self::Nsvf => format!("rgb/{}_{n:05}.png", split as u8),
                     _ => format!("{}/r_{n}.png", split.name()),
                 };
-                Photograph { file, split, camera }
+                PlannedPicture { file, split, camera }
             })
         };
         splits.into_iter().flat_map(of_split).collect()

@@ -39,13 +39,13 @@ use rayon::prelude::*;
 
 pub use self::camera_model::CameraModel;
 pub use self::error::Error;
-use self::layout::Photograph;
+use self::layout::PlannedPicture;
 pub use self::layout::SynthLayout;
-use self::mesh::Mesh;
+use self::mesh::SolidMesh;
 pub use self::options::{SynthOptions, Synthesized};
 use self::options::{check, prepare, write};
 use self::portable::hash;
-use self::scene::Scene;
+use self::scene::SyntheticScene;
 use self::shading::Lights;
 pub use self::surroundings::Surroundings;
 use strivec_capture::dataset::Split;
@@ -93,7 +93,7 @@ pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Err
         return scan::synthesize(out, options);
     }
     let SynthOptions { layout, camera, seed, .. } = *options;
-    let scene = Scene::within(options.surroundings, options.seed);
+    let scene = SyntheticScene::within(options.surroundings, options.seed);
     let cameras = |count: u32, stream: u64| -> Vec<Camera> {
         let pinholes = pictures::cameras(&scene, count, options.size, hash(seed, stream));
         pinholes.iter().map(|pinhole| camera.camera(pinhole)).collect()
@@ -111,14 +111,14 @@ pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Err
         SynthLayout::Transforms => transforms::write_transforms(out, &photographs, camera)?,
         SynthLayout::Colmap | SynthLayout::ColmapText => {
             let points = sparse_points();
-            let model = colmap::Model::new(&scene, &photographs, &points, camera);
+            let model = colmap::Reconstruction::new(&scene, &photographs, &points, camera);
             model.write(out, layout == SynthLayout::ColmapText)?;
         }
         SynthLayout::Nsvf => matrices::write_nsvf(out, &photographs)?,
         SynthLayout::Llff => matrices::write_llff(out, &photographs, &sparse_points())?,
         SynthLayout::Metashape => metashape::write_metashape(out, &photographs, camera)?,
     }
-    let mesh = Mesh::of_scene(&scene);
+    let mesh = SolidMesh::of_scene(&scene);
     write(&out.join("mesh.ply"), |file| mesh.write_ply(file))?;
     write(&out.join("mesh.obj"), |file| mesh.write_obj(file))?;
     let points = points::points(&scene, POINTS, hash(seed, 4));
@@ -131,7 +131,7 @@ pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Err
 }
 
 /// Writes the exact distances along the rays of all pixels of test views, infinite to the sky.
-fn write_distances(scene: &Scene, out: &Path, photographs: &[Photograph]) -> Result<(), Error> {
+fn write_distances(scene: &SyntheticScene, out: &Path, photographs: &[PlannedPicture]) -> Result<(), Error> {
     let folder = out.join("distances");
     fs::create_dir_all(&folder).map_err(Error::write(&folder))?;
     photographs.par_iter().filter(|photograph| photograph.split == Split::Test).try_for_each(|photograph| {
@@ -148,7 +148,7 @@ fn write_distances(scene: &Scene, out: &Path, photographs: &[Photograph]) -> Res
 }
 
 /// Writes the pictures.
-fn take(scene: &Scene, out: &Path, photographs: &[Photograph]) -> Result<(), Error> {
+fn take(scene: &SyntheticScene, out: &Path, photographs: &[PlannedPicture]) -> Result<(), Error> {
     for photograph in photographs {
         let folder = out.join(&photograph.file);
         let folder = folder.parent().unwrap_or(out);

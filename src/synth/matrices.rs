@@ -6,9 +6,9 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::layout::Photograph;
+use super::layout::PlannedPicture;
 use super::options::write;
-use super::points::Point;
+use super::points::SurfacePoint;
 use crate::Error;
 use strivec_capture::dataset::OPENGL_FROM_OPENCV;
 use strivec_format::geometry::Camera;
@@ -18,7 +18,7 @@ use strivec_import::npy;
 const VOXEL: f64 = 0.2;
 
 /// Writes `intrinsics.txt`, `pose/NAME.txt` and `bbox.txt`, the box of the scene: [−1, 1]³.
-pub(super) fn write_nsvf(out: &Path, photographs: &[Photograph]) -> Result<(), Error> {
+pub(super) fn write_nsvf(out: &Path, photographs: &[PlannedPicture]) -> Result<(), Error> {
     let ([fx, fy], [cx, cy]) = (photographs[0].camera.focal, photographs[0].camera.principal);
     let intrinsics = [[fx, 0.0, cx, 0.0], [0.0, fy, cy, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
     write(&out.join("intrinsics.txt"), |file| file.write_all(lines(&intrinsics).as_bytes()))?;
@@ -40,7 +40,7 @@ fn lines(rows: &[[f64; 4]]) -> String {
 }
 
 /// Writes `poses_bounds.npy` with the least and the greatest depth of `points` as bounds.
-pub(super) fn write_llff(out: &Path, photographs: &[Photograph], points: &[Point]) -> Result<(), Error> {
+pub(super) fn write_llff(out: &Path, photographs: &[PlannedPicture], points: &[SurfacePoint]) -> Result<(), Error> {
     let rows = photographs.iter().flat_map(|photograph| row(&photograph.camera, points));
     write(&out.join("poses_bounds.npy"), |file| {
         npy::write(&mut *file, &[photographs.len(), 17], rows).map_err(io::Error::other)
@@ -49,7 +49,7 @@ pub(super) fn write_llff(out: &Path, photographs: &[Photograph], points: &[Point
 
 /// A matrix \[3\]\[5\], its columns the axes down, right and back, the position, and height, width and focal length;
 /// near and far.
-fn row(camera: &Camera, points: &[Point]) -> Vec<f64> {
+fn row(camera: &Camera, points: &[SurfacePoint]) -> Vec<f64> {
     let [right, up, back] =
         [camera.world_from_camera.x_axis, camera.world_from_camera.y_axis, camera.world_from_camera.z_axis];
     let last = DVec3::new(f64::from(camera.height), f64::from(camera.width), camera.focal[0]);

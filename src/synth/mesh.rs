@@ -7,7 +7,7 @@ use std::io::{self, Write};
 use glam::{DVec2, DVec3};
 
 use super::portable::{angle, cos_sin};
-use super::scene::Scene;
+use super::scene::SyntheticScene;
 use super::solid::{About, Solid};
 
 /// The largest distance of a round surface from its triangles.
@@ -15,7 +15,7 @@ const SAGITTA: f64 = 2e-4;
 
 /// The triangles of all solids; solids share no vertices.
 #[derive(Default)]
-pub(super) struct Mesh {
+pub(super) struct SolidMesh {
     /// Positions in the world.
     pub(super) vertices: Vec<DVec3>,
     pub(super) triangles: Vec<[u32; 3]>,
@@ -27,9 +27,9 @@ struct Ring {
     z: f64,
 }
 
-impl Mesh {
+impl SolidMesh {
     /// All solids of `scene`, in order.
-    pub(super) fn of_scene(scene: &Scene) -> Self {
+    pub(super) fn of_scene(scene: &SyntheticScene) -> Self {
         let mut mesh = Self::default();
         for thing in &scene.things {
             mesh.sweep(&thing.solid);
@@ -175,9 +175,9 @@ mod tests {
     use crate::pictures::orbit;
     use strivec_format::geometry::Ray;
 
-    fn each_solid(mut check: impl FnMut(&Solid, &Mesh)) {
-        for thing in &Scene::new(0).things {
-            let mut mesh = Mesh::default();
+    fn each_solid(mut check: impl FnMut(&Solid, &SolidMesh)) {
+        for thing in &SyntheticScene::new(0).things {
+            let mut mesh = SolidMesh::default();
             mesh.sweep(&thing.solid);
             check(&thing.solid, &mesh);
         }
@@ -215,7 +215,7 @@ mod tests {
     }
 
     /// The nearest intersection of `ray` with the mesh, by Möller and Trumbore's test of every triangle.
-    fn nearest(mesh: &Mesh, ray: &Ray) -> Option<f64> {
+    fn nearest(mesh: &SolidMesh, ray: &Ray) -> Option<f64> {
         let distance = |triangle: &[u32; 3]| {
             let [a, b, c] = triangle.map(|i| mesh.vertices[i as usize]);
             let (e, f) = (b - a, c - a);
@@ -232,8 +232,8 @@ mod tests {
 
     #[test]
     fn rays_meet_the_mesh_where_they_meet_the_solids() {
-        let scene = Scene::new(0);
-        let mesh = Mesh::of_scene(&scene);
+        let scene = SyntheticScene::new(0);
+        let mesh = SolidMesh::of_scene(&scene);
         let (mut met, mut differ) = (0, 0);
         for camera in orbit(6, [20, 20], 4) {
             for ray in camera.rays(0..20).flatten() {

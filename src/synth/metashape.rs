@@ -4,14 +4,14 @@ use std::io::Write;
 use std::path::Path;
 
 use super::camera_model::CameraModel;
-use super::layout::Photograph;
+use super::layout::PlannedPicture;
 use super::options::write;
 use crate::Error;
 use strivec_capture::dataset::OPENGL_FROM_OPENCV;
 use strivec_format::geometry::{Camera, Projection};
 
 /// Writes `cameras.xml`: one sensor, and the cameras of one component.
-pub(super) fn write_metashape(out: &Path, photographs: &[Photograph], model: CameraModel) -> Result<(), Error> {
+pub(super) fn write_metashape(out: &Path, photographs: &[PlannedPicture], model: CameraModel) -> Result<(), Error> {
     write(&out.join("cameras.xml"), |file| {
         let sensor = sensor(&photographs[0].camera, model);
         writeln!(file, r#"<?xml version="1.0" encoding="UTF-8"?>"#)?;

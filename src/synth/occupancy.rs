@@ -6,7 +6,7 @@ use glam::{DVec3, IVec3};
 use rayon::prelude::*;
 
 use super::polytope::Polytope;
-use super::scene::Scene;
+use super::scene::SyntheticScene;
 use super::solid::{About, Solid};
 use strivec_format::geometry::{Aabb, Lattice};
 use strivec_import::npy::NpzWriter;
@@ -17,19 +17,19 @@ pub(super) const CELLS: usize = 100;
 const MARGIN: f64 = 1e-9;
 
 /// The bounds of the grid.
-fn bounds(scene: &Scene) -> Aabb {
+fn bounds(scene: &SyntheticScene) -> Aabb {
     Aabb::around(DVec3::ZERO, DVec3::splat(scene.extent()))
 }
 
 /// The grid's cells.
-pub(super) fn lattice(scene: &Scene) -> Lattice {
+pub(super) fn lattice(scene: &SyntheticScene) -> Lattice {
     let bounds = bounds(scene);
     Lattice { origin: bounds.min, pitch: bounds.size() / CELLS as f64 }
 }
 
 /// \[z\]\[y\]\[x\] true if the closed cell, enlarged by 1e-9, has a point in common with a closed solid, its inside
 /// included.
-pub(super) fn occupancy(scene: &Scene) -> Vec<bool> {
+pub(super) fn occupancy(scene: &SyntheticScene) -> Vec<bool> {
     let lattice = lattice(scene);
     let mut cells = vec![false; CELLS * CELLS * CELLS];
     cells.par_chunks_exact_mut(CELLS * CELLS).enumerate().for_each(|(z, layer)| {
@@ -53,7 +53,7 @@ pub(super) fn occupancy(scene: &Scene) -> Vec<bool> {
 
 /// Writes the `cells` of `scene` as an NPZ file: `occupancy` (bool, \[z\]\[y\]\[x\]) and `bounds` (float64, (2, 3): the
 /// grid's smallest and largest corner as x, y, z).
-pub(super) fn write_npz(scene: &Scene, cells: &[bool], out: impl Write + Seek) -> io::Result<()> {
+pub(super) fn write_npz(scene: &SyntheticScene, cells: &[bool], out: impl Write + Seek) -> io::Result<()> {
     let (bounds, mut archive) = (bounds(scene), NpzWriter::new(out, false));
     archive.add("occupancy", &[CELLS; 3], cells.iter().copied())?;
     archive.add("bounds", &[2, 3], [bounds.min, bounds.max].iter().flat_map(|corner| corner.to_array()))?;
@@ -107,16 +107,16 @@ fn distance([a, b, c]: [DVec3; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::Mesh;
+    use crate::mesh::SolidMesh;
     use crate::points::points;
     use crate::portable::uniform;
 
     #[test]
     fn every_surface_point_is_in_an_occupied_cell_and_occupied_cells_are_near() {
-        let scene = Scene::new(2);
+        let scene = SyntheticScene::new(2);
         let (cells, lattice) = (occupancy(&scene), lattice(&scene));
         let on_surface = points(&scene, 50_000, 3).into_iter().map(|p| p.position);
-        for point in on_surface.chain(Mesh::of_scene(&scene).vertices) {
+        for point in on_surface.chain(SolidMesh::of_scene(&scene).vertices) {
             let cell = lattice.cell_of(point).as_uvec3();
             let index = (cell.z as usize * CELLS + cell.y as usize) * CELLS + cell.x as usize;
             assert!(cells[index], "{point}");
@@ -133,7 +133,7 @@ mod tests {
     #[test]
     fn cells_of_any_size_agree_with_dense_sampling() {
         let (mut occupied, mut unseen) = (0, 0);
-        for (k, thing) in Scene::new(0).things.iter().enumerate() {
+        for (k, thing) in SyntheticScene::new(0).things.iter().enumerate() {
             let around = around(&thing.solid).grown(DVec3::splat(0.02));
             for i in 0..60_u64 {
                 let random = |axis| uniform(k as u64, 4 * i + axis);

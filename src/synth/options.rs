@@ -8,6 +8,7 @@ use super::camera_model::CameraModel;
 use super::layout::SynthLayout;
 use super::surroundings::Surroundings;
 use crate::Error;
+use strivec_format::{Invalid, Place};
 
 /// The most views of a split.
 const MAX_VIEWS: u32 = 10_000;
@@ -73,21 +74,24 @@ pub(super) fn check(options: &SynthOptions) -> Result<(), Error> {
         ("height", MAX_EDGE, height),
     ] {
         if !(1..=limit).contains(&found) {
-            return Err(Error::Option { what, limit, found });
+            return Err(Invalid::new(Place::option(what), format_args!("1 to {limit}"), found).into());
         }
     }
     if !layout.cameras().contains(&camera) {
         let names: Vec<_> = layout.cameras().iter().map(|camera| camera.name()).collect();
-        let (layout, expected, found) = (layout.name(), names.join(", "), camera.name());
-        return Err(Error::Camera { layout, expected, found });
+        let expected = format!("{} in the layout {}", names.join(", "), layout.name());
+        return Err(Invalid::new(Place::option("camera"), expected, camera.name()).into());
     }
     if options.surroundings == Surroundings::Meadow && layout == SynthLayout::ScanNet {
-        return Err(Error::Meadow);
+        let place = Place::option("surroundings");
+        return Err(Invalid::new(place, "a room or none in the layout scannet", "a meadow").into());
     }
     match layout.test_views(views) {
         Some(expected) if !layout.splits(views, test_views) => {
-            let (layout, found) = (layout.name(), test_views);
-            Err(Error::TestViews { layout, views, expected, found })
+            let layout = layout.name();
+            let expected =
+                format!("{expected} for {views} training views, as the layout {layout} holds out every eighth picture");
+            Err(Invalid::new(Place::option("test_views"), expected, test_views).into())
         }
         _ => Ok(()),
     }

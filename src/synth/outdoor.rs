@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::portable::{linear, noise, srgb};
-use super::scene::Scene;
+use super::scene::SyntheticScene;
 use super::shading::{Lights, surroundings};
 use super::thing::FOOT;
 use strivec_format::geometry::Ray;
@@ -21,7 +21,7 @@ const OCTAVES: u32 = 9;
 const PIXEL: f64 = 0.004;
 
 /// The sRGB color, in \[0, 1\], of what `ray` sees past the solids.
-pub(super) fn color(scene: &Scene, lights: &Lights, ray: &Ray, seed: u64) -> [f64; 3] {
+pub(super) fn color(scene: &SyntheticScene, lights: &Lights, ray: &Ray, seed: u64) -> [f64; 3] {
     let seen = match distance(ray, seed) {
         None => surroundings(ray.direction),
         Some(distance) => {

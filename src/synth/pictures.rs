@@ -5,7 +5,7 @@ use image::RgbaImage;
 use rayon::prelude::*;
 
 use super::portable::{cos_sin, uniform};
-use super::scene::Scene;
+use super::scene::SyntheticScene;
 use super::shading::{Lights, color};
 use super::surroundings::Surroundings;
 use super::{outdoor, room};
@@ -20,7 +20,7 @@ pub(super) const DISTANCE: f64 = 4.031_128_874_149_275;
 const SAMPLES: u32 = 4;
 
 /// `count` cameras for pictures of `scene`: in its room, or else around it.
-pub(super) fn cameras(scene: &Scene, count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
+pub(super) fn cameras(scene: &SyntheticScene, count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
     if scene.surroundings == Surroundings::Room { room::cameras(count, size, seed) } else { orbit(count, size, seed) }
 }
 
@@ -47,7 +47,7 @@ pub(super) fn orbit(count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
 ///
 /// A pixel is the mean over a regular grid of 4×4 samples, of sRGB values, because volume rendering and downscaling
 /// average display colors too.
-pub(super) fn picture(scene: &Scene, lights: &Lights, camera: &Camera) -> RgbaImage {
+pub(super) fn picture(scene: &SyntheticScene, lights: &Lights, camera: &Camera) -> RgbaImage {
     let seen = |ray: Ray| {
         let meadow = || Some(outdoor::color(scene, lights, &ray, scene.meadow?));
         color(scene, lights, &ray).or_else(meadow)
@@ -86,7 +86,7 @@ mod tests {
         // Near enough that the scene covers the picture.
         camera.focal = [50.0; 2];
         camera.position *= 0.4;
-        let picture = picture(&Scene::new(3), &Lights::new(), &camera);
+        let picture = picture(&SyntheticScene::new(3), &Lights::new(), &camera);
         let seen = camera.seen_pixels().unwrap();
         let opaque = |(pixel, seen): (&image::Rgba<u8>, &bool)| (pixel[3] > 0, *seen);
         let pixels: Vec<_> = picture.pixels().zip(&seen).map(opaque).collect();
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn picture_shows_the_solids_where_the_camera_puts_them() {
-        let scene = Scene::new(3);
+        let scene = SyntheticScene::new(3);
         for camera in orbit(5, [120, 100], 9) {
             assert!((camera.position.length() - DISTANCE).abs() < 1e-12);
             let picture = picture(&scene, &Lights::new(), &camera);

@@ -5,13 +5,13 @@ use std::io::{self, Write};
 use glam::DVec3;
 
 use super::portable::{srgb, uniform};
-use super::scene::Scene;
+use super::scene::SyntheticScene;
 use super::thing::Thing;
 use strivec_format::color::byte;
 use strivec_format::geometry::Ray;
 
 /// A point on the surface.
-pub(super) struct Point {
+pub(super) struct SurfacePoint {
     /// The position in the world.
     pub(super) position: DVec3,
     /// The outward unit normal.
@@ -25,7 +25,7 @@ pub(super) struct Point {
 /// Lines that are uniform in direction and in position meet any surface uniformly by area (Cauchy and Crofton), so
 /// this needs no formula for each shape. Points on or in another solid, such as
 /// those between a solid and its support, are left out.
-pub(super) fn points(scene: &Scene, count: usize, seed: u64) -> Vec<Point> {
+pub(super) fn points(scene: &SyntheticScene, count: usize, seed: u64) -> Vec<SurfacePoint> {
     let mut counter = 0;
     let mut random = || {
         counter += 1;
@@ -52,7 +52,7 @@ pub(super) fn points(scene: &Scene, count: usize, seed: u64) -> Vec<Point> {
                 }
                 let albedo = thing.texture.albedo(thing.solid.local(position), crossing.face, thing.texture_seed);
                 let normal = thing.solid.normal(crossing.face, position);
-                points.push(Point { position, normal, color: albedo.to_array().map(srgb).map(byte) });
+                points.push(SurfacePoint { position, normal, color: albedo.to_array().map(srgb).map(byte) });
                 if points.len() == count {
                     return points;
                 }
@@ -62,7 +62,7 @@ pub(super) fn points(scene: &Scene, count: usize, seed: u64) -> Vec<Point> {
 }
 
 /// A binary little-endian PLY file: `vertex` with float x, y, z, nx, ny, nz and uchar red, green, blue.
-pub(super) fn write_ply(points: &[Point], out: &mut impl Write) -> io::Result<()> {
+pub(super) fn write_ply(points: &[SurfacePoint], out: &mut impl Write) -> io::Result<()> {
     write!(
         out,
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
@@ -82,11 +82,11 @@ pub(super) fn write_ply(points: &[Point], out: &mut impl Write) -> io::Result<()
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::Mesh;
+    use crate::mesh::SolidMesh;
 
     #[test]
     fn points_are_on_the_surface_with_outward_normals() {
-        let scene = Scene::new(5);
+        let scene = SyntheticScene::new(5);
         for point in points(&scene, 5000, 8) {
             let deepest = scene.things.iter().map(|t| t.solid.depth(point.position)).fold(f64::NEG_INFINITY, f64::max);
             assert!(deepest.abs() < 1e-12, "{deepest}");
@@ -98,9 +98,9 @@ mod tests {
 
     #[test]
     fn share_of_points_is_the_share_of_area() {
-        let scene = Scene::new(5);
+        let scene = SyntheticScene::new(5);
         let area = |thing: &Thing| {
-            let mut mesh = Mesh::default();
+            let mut mesh = SolidMesh::default();
             mesh.sweep(&thing.solid);
             let of = |t: &[u32; 3]| {
                 let [a, b, c] = t.map(|i| mesh.vertices[i as usize]);

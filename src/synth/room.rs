@@ -92,11 +92,11 @@ pub(super) fn cameras(count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
 mod tests {
     use super::*;
     use crate::Surroundings;
-    use crate::scene::Scene;
+    use crate::scene::SyntheticScene;
 
     #[test]
     fn cameras_are_inside_and_see_something_in_every_direction() {
-        let scene = Scene::within(Surroundings::Room, 0);
+        let scene = SyntheticScene::within(Surroundings::Room, 0);
         let cameras = cameras(40, [24, 18], 3);
         let mut walls_seen = [0; 3];
         for camera in &cameras {

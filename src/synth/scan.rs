@@ -9,12 +9,12 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, RgbaImage};
 use rayon::prelude::*;
 
-use super::mesh::Mesh;
+use super::mesh::SolidMesh;
 use super::options::{SynthOptions, Synthesized, write};
 use super::pictures::{cameras, picture};
 use super::portable::{cos_sin, hash, srgb};
 use super::room;
-use super::scene::Scene;
+use super::scene::SyntheticScene;
 use super::shading::Lights;
 use super::solid::Face;
 use super::surroundings::Surroundings;
@@ -50,7 +50,7 @@ const QUALITY: u8 = 95;
 /// Aligned, the still life lies within ±2.4 m, a room within ±3 m, z up.
 pub(super) fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Error> {
     let name = files::name_of(out);
-    let scene = Scene::within(options.surroundings, options.seed);
+    let scene = SyntheticScene::within(options.surroundings, options.seed);
     let scale = if scene.surroundings == Surroundings::Room { SCALE_IN_ROOM } else { SCALE };
     let stored_from_aligned = aligned_from_stored().inverse();
 
@@ -87,10 +87,10 @@ pub(super) fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesiz
     write(&intrinsic.join("intrinsic_color.txt"), |file| file.write_all(lines(&intrinsics).as_bytes()))?;
     write(&out.join(format!("{name}.txt")), |file| file.write_all(constants(camera, count).as_bytes()))?;
 
-    let (mut mesh, mut colors) = (Mesh::default(), Vec::new());
+    let (mut mesh, mut colors) = (SolidMesh::default(), Vec::new());
     for thing in &scene.things {
         let first = mesh.vertices.len();
-        let mut solid = Mesh::default();
+        let mut solid = SolidMesh::default();
         solid.sweep(&thing.solid);
         if thing.lets_light_through {
             solid.keep(room::faces_inside);
@@ -172,7 +172,7 @@ fn color_at(thing: &Thing, point: DVec3) -> [u8; 3] {
 
 /// A binary little-endian PLY file as in ScanNet: `vertex` with float x, y, z and uchar red, green, blue, alpha; `face`
 /// with uchar, int `vertex_indices`.
-fn write_ply(mesh: &Mesh, colors: &[[u8; 3]], out: &mut impl Write) -> io::Result<()> {
+fn write_ply(mesh: &SolidMesh, colors: &[[u8; 3]], out: &mut impl Write) -> io::Result<()> {
     write!(
         out,
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\

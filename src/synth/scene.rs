@@ -13,7 +13,7 @@ use super::thing::{FLOOR, Thing};
 use strivec_format::geometry::{Aabb, Ray};
 
 /// The solids and their surroundings; z is up. The still life is within \[−1, 1\]³.
-pub(super) struct Scene {
+pub(super) struct SyntheticScene {
     pub(super) things: Vec<Thing>,
     pub(super) surroundings: Surroundings,
     /// The seed of the hills' shape and the meadow's pattern; `None` without a meadow.
@@ -27,7 +27,7 @@ pub(super) struct Hit<'a> {
     pub(super) face: Face,
 }
 
-impl Scene {
+impl SyntheticScene {
     /// The still life with textures of `seed`.
     pub(super) fn new(seed: u64) -> Self {
         let mut scene = Self { things: Vec::new(), surroundings: Surroundings::None, meadow: None };
@@ -161,11 +161,11 @@ fn add_brushes(add: &mut impl FnMut(Solid, Texture)) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::Mesh;
+    use crate::mesh::SolidMesh;
 
     #[test]
     fn axes_are_rotations_and_everything_is_within_reach() {
-        for (i, thing) in Scene::new(1).things.iter().enumerate() {
+        for (i, thing) in SyntheticScene::new(1).things.iter().enumerate() {
             let axes = thing.solid.world_from_local;
             assert!((axes.transpose() * axes).abs_diff_eq(DMat3::IDENTITY, 1e-15), "{i}");
             assert!((axes.determinant() - 1.0).abs() < 1e-14, "{i}");
@@ -180,9 +180,9 @@ mod tests {
 
     #[test]
     fn solids_rest_on_each_other_but_do_not_overlap() {
-        let scene = Scene::new(0);
+        let scene = SyntheticScene::new(0);
         for (i, a) in scene.things.iter().enumerate() {
-            let mut mesh = Mesh::default();
+            let mut mesh = SolidMesh::default();
             mesh.sweep(&a.solid);
             for &point in &mesh.vertices {
                 for (j, b) in scene.things.iter().enumerate().filter(|&(j, _)| j != i) {

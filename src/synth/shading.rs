@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::portable::{cos_sin, srgb};
-use super::scene::{Hit, Scene};
+use super::scene::{Hit, SyntheticScene};
 use strivec_format::geometry::Ray;
 
 /// Rays from a surface start this far off it.
@@ -38,7 +38,7 @@ impl Lights {
     }
 
     /// The light on level ground at `point`, on which `scene` throws its shadows.
-    pub(super) fn on_ground(&self, scene: &Scene, point: DVec3) -> DVec3 {
+    pub(super) fn on_ground(&self, scene: &SyntheticScene, point: DVec3) -> DVec3 {
         let origin = point + OFFSET * DVec3::Z;
         let arrives = |direction: DVec3| if scene.blocks(&Ray { origin, direction }) { 0.0 } else { direction.z };
         let sky: DVec3 = self.sky.iter().map(|&(direction, color)| color * arrives(direction)).sum();
@@ -52,13 +52,13 @@ impl Lights {
 }
 
 /// The sRGB color in [0, 1] that arrives along `ray`; `None` if the ray misses the scene.
-pub(super) fn color(scene: &Scene, lights: &Lights, ray: &Ray) -> Option<[f64; 3]> {
+pub(super) fn color(scene: &SyntheticScene, lights: &Lights, ray: &Ray) -> Option<[f64; 3]> {
     let hit = scene.hit(ray, 0.0)?;
     Some(shade(scene, lights, ray, &hit, true).to_array().map(srgb))
 }
 
 /// The linear light that leaves `hit` towards the origin of `ray`.
-fn shade(scene: &Scene, lights: &Lights, ray: &Ray, hit: &Hit<'_>, mirrors: bool) -> DVec3 {
+fn shade(scene: &SyntheticScene, lights: &Lights, ray: &Ray, hit: &Hit<'_>, mirrors: bool) -> DVec3 {
     let point = ray.at(hit.t);
     let solid = &hit.thing.solid;
     let normal = solid.normal(hit.face, point);

@@ -2,11 +2,11 @@
 
 use std::collections::HashMap;
 
-use super::mesh::Mesh;
+use super::mesh::SolidMesh;
 use super::portable::{hash, uniform};
 use glam::DVec3;
 
-impl Mesh {
+impl SolidMesh {
     /// Splits edges longer than `longest` in the middle until there are none. A closed mesh stays closed, because the
     /// decision to split an edge depends on the edge alone, so its two triangles agree.
     pub(super) fn refine(&mut self, longest: f64) {
@@ -107,9 +107,9 @@ mod tests {
     use std::collections::HashSet;
 
     use super::*;
-    use crate::scene::Scene;
+    use crate::scene::SyntheticScene;
 
-    fn area(mesh: &Mesh) -> f64 {
+    fn area(mesh: &SolidMesh) -> f64 {
         let of = |triangle: &[u32; 3]| {
             let [a, b, c] = triangle.map(|index| mesh.vertices[index as usize]);
             0.5 * (b - a).cross(c - a).length()
@@ -118,9 +118,9 @@ mod tests {
     }
 
     /// The first solids of the scene: a cylinder, a block with a hole, a rod.
-    fn some() -> Mesh {
-        let mut mesh = Mesh::default();
-        Scene::new(0).things[..3].iter().for_each(|thing| mesh.sweep(&thing.solid));
+    fn some() -> SolidMesh {
+        let mut mesh = SolidMesh::default();
+        SyntheticScene::new(0).things[..3].iter().for_each(|thing| mesh.sweep(&thing.solid));
         mesh
     }
 
@@ -145,7 +145,7 @@ mod tests {
     fn torn_meshes_lack_about_the_share_of_area_in_patches() {
         let mut mesh = some();
         mesh.refine(0.05);
-        let whole = Mesh { vertices: mesh.vertices.clone(), triangles: mesh.triangles.clone() };
+        let whole = SolidMesh { vertices: mesh.vertices.clone(), triangles: mesh.triangles.clone() };
         let (gone, was) = mesh.tear(0.1, [0.05, 0.15], 3);
         assert!((0.1..0.12).contains(&gone), "{gone}");
         assert!((area(&mesh) / area(&whole) - (1.0 - gone)).abs() < 1e-9);

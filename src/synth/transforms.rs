@@ -6,14 +6,14 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::camera_model::CameraModel;
-use super::layout::Photograph;
+use super::layout::PlannedPicture;
 use super::options::write;
 use super::pictures::CAMERA_ANGLE;
 use crate::Error;
 use strivec_capture::dataset::Split;
 
 /// Writes `transforms_train.json`, `_val` and `_test`.
-pub(super) fn write_blender(out: &Path, photographs: &[Photograph]) -> Result<(), Error> {
+pub(super) fn write_blender(out: &Path, photographs: &[PlannedPicture]) -> Result<(), Error> {
     for split in Split::ALL {
         let of_split = photographs.iter().filter(|photograph| photograph.split == split);
         let frames: Vec<_> = of_split.map(|p| frame(p, &format!("./{}", p.file.trim_end_matches(".png")))).collect();
@@ -24,7 +24,7 @@ pub(super) fn write_blender(out: &Path, photographs: &[Photograph]) -> Result<()
 }
 
 /// Writes `transforms.json` with the camera's keys at the top, the splits as lists, and `points.ply` as its points.
-pub(super) fn write_transforms(out: &Path, photographs: &[Photograph], model: CameraModel) -> Result<(), Error> {
+pub(super) fn write_transforms(out: &Path, photographs: &[PlannedPicture], model: CameraModel) -> Result<(), Error> {
     let camera = &photographs[0].camera;
     let frames: Vec<_> = photographs.iter().map(|photograph| frame(photograph, &photograph.file)).collect();
     let mut json = json!({
@@ -51,7 +51,7 @@ pub(super) fn write_transforms(out: &Path, photographs: &[Photograph], model: Ca
     write_json(&out.join("transforms.json"), &json)
 }
 
-fn frame(photograph: &Photograph, file_path: &str) -> Value {
+fn frame(photograph: &PlannedPicture, file_path: &str) -> Value {
     json!({ "file_path": file_path, "transform_matrix": photograph.camera.pose().as_chunks::<4>().0 })
 }
 

@@ -8,10 +8,10 @@ use strivec_format::model::Form;
 
 /// The rules of the optimizer for the factors of a block.
 #[derive(Clone, Debug)]
-pub(super) struct BlockRules(Arc<Rules>);
+pub(super) struct BlockRules(Arc<BlockTables>);
 
 #[derive(Debug)]
-struct Rules {
+struct BlockTables {
     first_factor_rows: usize,
     vectors: Vec<Range<usize>>,
     rows: usize,
@@ -35,7 +35,7 @@ impl BlockRules {
             end - len..end
         });
         let vectors: Vec<Range<usize>> = vectors.collect();
-        let mut rules = Rules {
+        let mut rules = BlockTables {
             first_factor_rows: block.first_factor_rows(),
             rows: form.rows(resolution),
             size: Vec::new(),

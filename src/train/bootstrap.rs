@@ -16,7 +16,7 @@ use super::{
     BootstrapOptions, DecoderConfig, Exposure, FinishConfig, LeanConfig, PrepareError, ScaleConfig, TrainConfig,
     Trainer, initial_scene,
 };
-use strivec_capture::dataset::{Dataset, View};
+use strivec_capture::dataset::{Dataset, Photograph};
 use strivec_capture::prior;
 use strivec_capture::prior::{CoarseProgress, VoxelBoxes};
 use strivec_field::{Field, Samples, vectorized};
@@ -46,19 +46,14 @@ pub fn bootstrap_prior(
     let [near, far] = prior::near_and_far(dataset, config.near_far.map(|n| n[0]), config.near_far.map(|n| n[1]))?;
     let frusta = prior::frusta_within(dataset, near, far);
     if !frusta.is_solid() {
-        return Err(prior::Error::View {
-            view: dataset.views[0].name.clone(),
-            expected: "cameras whose frusta span a box".into(),
-            found: format!("{frusta:?}"),
-        }
-        .into());
+        return Err(prior::Error::no_box(dataset, &frusta).into());
     }
     let (mut done, total) = (0, options.total_steps() as u32);
     let mut within = frusta;
     let (mut found, mut psnr) = (None, 0.0);
     for (round, &steps) in options.steps.iter().enumerate() {
         let resolution = (options.resolution >> (options.steps.len() - 1 - round)).max(4);
-        let cube = CoarseCube::over(&within, resolution)?;
+        let cube = CoarseCube::new(&within, resolution)?;
         let config = cube.config(config, steps);
         let scene = cube.scene(&config, [near, far], &dataset.name)?;
         let mut trainer = Trainer::new(config, scene, &dataset.views)?;
@@ -96,7 +91,7 @@ struct CoarseCube {
 
 impl CoarseCube {
     /// Covers `within`, which is in the dataset's space, with `resolution` cells along the longest axis of each box.
-    fn over(within: &Aabb, resolution: u32) -> Result<Self, prior::Error> {
+    fn new(within: &Aabb, resolution: u32) -> Result<Self, prior::Error> {
         let model_from_dataset = prior::canonical_map(within, prior::CANONICAL_HALF_EXTENT)?;
         let [min, max] = [within.min, within.max].map(|p| model_from_dataset.point(p));
         let cell = (max - min).max_element() / f64::from(2 * resolution);
@@ -171,7 +166,7 @@ impl CoarseCube {
 
     /// The cells of `scene` that are dense and at most one cell away from a sample that `views` see, in the dataset's
     /// space.
-    fn occupied(&self, scene: &Scene, views: &[View], options: &BootstrapOptions) -> VoxelBoxes {
+    fn occupied(&self, scene: &Scene, views: &[Photograph], options: &BootstrapOptions) -> VoxelBoxes {
         let field = Field::<f32>::new(scene);
         let size = 2 * self.resolution;
         let seen = self.seen(&field, views, options);
@@ -216,12 +211,12 @@ impl CoarseCube {
     }
 
     /// \[z\]\[y\]\[x\] true if a cell holds a sample of enough visibility weight for some pixel.
-    fn seen(&self, field: &Field<f32>, views: &[View], options: &BootstrapOptions) -> Vec<bool> {
+    fn seen(&self, field: &Field<f32>, views: &[Photograph], options: &BootstrapOptions) -> Vec<bool> {
         let pixels: usize = views.iter().map(|v| v.pixels.len()).sum();
         let stride = (pixels as f64 / f64::from(options.visibility_rays)).sqrt().ceil().max(1.0) as usize;
         let corner = field.relative(self.corner);
         let last = 2 * self.resolution - 1;
-        let look = |mut seen: Vec<bool>, view: &View| {
+        let look = |mut seen: Vec<bool>, view: &Photograph| {
             let camera = view.camera.mapped(&self.model_from_dataset);
             let mut samples = Samples::default();
             for row in (0..camera.height).step_by(stride) {

@@ -54,7 +54,7 @@ impl Cell {
 }
 
 /// The contribution of a ray's sample to a cell.
-struct Seen {
+struct CellContribution {
     cell: usize,
     ray: usize,
     weight: f64,
@@ -71,7 +71,7 @@ impl CellMap {
         let field = Field::<f32>::new(scene);
         let colors = batch.colors(&field);
         for seen in map.see(&field, batch, &lattice) {
-            for Seen { cell, ray, weight } in seen {
+            for CellContribution { cell, ray, weight } in seen {
                 let (cell, target) = (&mut map.cells[cell], &batch.targets[ray].color);
                 cell.weight += weight;
                 for (c, (&shown, &wanted)) in colors[ray].iter().zip(target).enumerate() {
@@ -86,7 +86,7 @@ impl CellMap {
     }
 
     /// \[chunk\] the shaded samples of its rays.
-    fn see(&self, field: &Field<f32>, batch: &RayBatch, lattice: &Lattice) -> Vec<Vec<Seen>> {
+    fn see(&self, field: &Field<f32>, batch: &RayBatch, lattice: &Lattice) -> Vec<Vec<CellContribution>> {
         (batch.rays.par_chunks(CHUNK).enumerate())
             .map_init(<(Samples<f32>, Activations<f32>)>::default, |(samples, activations), (n, rays)| {
                 vectorized(
@@ -102,7 +102,11 @@ impl CellMap {
                     for at in colored.ray_range(ray) {
                         let position = samples.positions[colored.slots[at] as usize].map(f64::from);
                         if let Some(cell) = self.cell_of(lattice, field.origin + DVec3::from_array(position)) {
-                            seen.push(Seen { cell, ray: n * CHUNK + ray, weight: f64::from(colored.weights[at]) });
+                            seen.push(CellContribution {
+                                cell,
+                                ray: n * CHUNK + ray,
+                                weight: f64::from(colored.weights[at]),
+                            });
                         }
                     }
                 }

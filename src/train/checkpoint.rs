@@ -12,6 +12,7 @@ use super::lean::Worth;
 use super::ray_errors::RayErrors;
 use super::{CheckpointError, Exposures, Moments, NetworkLayout, RaySampler, Rounding, TrainConfig};
 use strivec_field::{Field, FieldScale, Real};
+use strivec_format::Invalid;
 use strivec_format::geometry::Camera;
 
 /// The metadata of the numbers of [`Rounding`].
@@ -50,7 +51,7 @@ pub struct Checkpoint {
 }
 
 pub(super) fn malformed(place: &str, expected: impl ToString, found: impl ToString) -> CheckpointError {
-    CheckpointError::Malformed { place: place.into(), expected: expected.to_string(), found: found.to_string() }
+    CheckpointError::Malformed(Invalid::new(place, expected.to_string(), found.to_string()))
 }
 
 impl Checkpoint {
@@ -169,7 +170,7 @@ impl Checkpoint {
         tensors.push(("poses".into(), Dtype::F64, bytemuck::cast_slice(&poses)));
         tensors.push(("focal_lengths".into(), Dtype::F64, bytemuck::cast_slice(&focals)));
         tensors.push(("ray_errors".into(), Dtype::F32, bytemuck::cast_slice(&self.ray_errors.0)));
-        tensors.push(("kept".into(), Dtype::U8, &self.active_rays));
+        tensors.push(("active_rays".into(), Dtype::U8, &self.active_rays));
         // The scene's own file, so that scenes have one encoding.
         tensors.push(("scene".into(), Dtype::U8, scene_file));
         // One order, so that a state has one file.
@@ -291,7 +292,7 @@ impl Checkpoint {
                 .ok_or_else(|| malformed("tensor exposures", "the sums and maps of photographs", "other numbers"))?,
             cameras: poses.iter().copied().zip(focals.iter().copied()).collect(),
             ray_errors: RayErrors(bytemuck::pod_collect_to_vec(tensor("ray_errors", Dtype::F32)?)),
-            active_rays: tensor("kept", Dtype::U8)?.to_vec(),
+            active_rays: tensor("active_rays", Dtype::U8)?.to_vec(),
             config,
         };
         if checkpoint.restarted_at > checkpoint.step || checkpoint.step > checkpoint.config.steps {

@@ -323,24 +323,29 @@ impl<T: Real> Chunk<T> {
         if rows == 0 {
             return;
         }
-        self.layers_backward(field, layout, scratch);
-        scratch.samples.clock.lap(Stage::DecoderBackward);
-        // `output_gradients` holds the gradients of the first layer's input, without the encoded direction.
-        let width = field.decoder.input_parts()[2];
-        encode_backward(field, &scratch.activations, &mut scratch.output_gradients, width);
-        scratch.samples.clock.lap(Stage::EncodingBackward);
-        self.matrices_backward(field, layout, scratch);
+        let Scratch { samples, activations, input_gradients, output_gradients, .. } = scratch;
+        let gradients = self.layers_backward(field, layout, activations, [output_gradients, input_gradients]);
+        samples.clock.lap(Stage::DecoderBackward);
+        encode_backward(field, activations, gradients, field.decoder.input_parts()[2]);
+        samples.clock.lap(Stage::EncodingBackward);
+        self.matrices_backward(field, layout, activations, gradients);
         if field.decoder.mode == DecoderMode::Residual {
             self.residuals_backward(field, scratch);
         }
         scratch.samples.clock.lap(Stage::AppearanceMatricesBackward);
     }
 
-    /// From the gradients of the rows' outputs to those of the layers. Leaves those of the first layer's input, without
-    /// the encoded direction, in `output_gradients`.
+    /// From the gradients of the rows' outputs, the first of `buffers`, to those of the layers. Returns the gradients of the
+    /// first layer's input, \[row\]\[input\], without the encoded direction; they lie in one of `buffers`.
     #[inline(always)]
-    fn layers_backward(&mut self, field: &Field<T>, layout: &NetworkLayout, scratch: &mut Scratch<T>) {
-        let Scratch { activations, input_gradients, output_gradients, .. } = scratch;
+    fn layers_backward<'b>(
+        &mut self,
+        field: &Field<T>,
+        layout: &NetworkLayout,
+        activations: &Activations<T>,
+        buffers: [&'b mut Vec<T>; 2],
+    ) -> &'b mut [T] {
+        let [mut output_gradients, mut input_gradients] = buffers;
         let decoder = &field.decoder;
         let n = activations.row_count();
         for (l, layer) in decoder.layers.iter().enumerate().rev() {
@@ -378,18 +383,25 @@ impl<T: Real> Chunk<T> {
                     *g = if rectified > T::zero() { *g } else { T::zero() };
                 }
             }
-            std::mem::swap(output_gradients, input_gradients);
+            // The input of a layer is the output of the one before. The references change places, not the buffers.
+            std::mem::swap(&mut output_gradients, &mut input_gradients);
         }
+        output_gradients
     }
 
-    /// From the gradients of the features, in `output_gradients`, to those of the appearance matrices and the rows'
-    /// components.
+    /// From the gradients of the features, which are the first numbers of each row of `input_gradients`, to those of the
+    /// appearance matrices and the rows' components.
     #[inline(always)]
-    fn matrices_backward(&mut self, field: &Field<T>, layout: &NetworkLayout, scratch: &Scratch<T>) {
-        let Scratch { activations, output_gradients, .. } = scratch;
+    fn matrices_backward(
+        &mut self,
+        field: &Field<T>,
+        layout: &NetworkLayout,
+        activations: &Activations<T>,
+        input_gradients: &[T],
+    ) {
         let decoder = &field.decoder;
         let (n, components) = (activations.row_count(), field.component_count());
-        let feature_gradients = Matrix::new(output_gradients, n, decoder.features, decoder.input_parts()[2]);
+        let feature_gradients = Matrix::new(input_gradients, n, decoder.features, decoder.input_parts()[2]);
         multiply(
             MatrixMut::new(&mut self.network_gradients[..layout.appearance], decoder.features, components, components),
             feature_gradients.transposed(),

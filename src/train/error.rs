@@ -1,5 +1,7 @@
 //! Errors of training.
 
+use strivec_format::Invalid;
+
 use super::{ConfigError, Divergence};
 
 /// A run that cannot begin or continue.
@@ -50,15 +52,8 @@ pub enum TrainError {
 #[non_exhaustive]
 pub enum CheckpointError {
     /// A part is missing, damaged, or of another run.
-    #[error("the checkpoint's {place} must be {expected}, not {found}")]
-    Malformed {
-        /// The part.
-        place: String,
-        /// The expected value.
-        expected: String,
-        /// The value in the checkpoint.
-        found: String,
-    },
+    #[error("the checkpoint's {0}")]
+    Malformed(Invalid),
     /// The settings in a checkpoint cannot be read.
     #[error("the checkpoint's settings: {0}")]
     Config(#[from] ConfigError),

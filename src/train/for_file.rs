@@ -42,7 +42,7 @@ impl Trainer<'_> {
             scale.blocks().zip(codes).map(|(block, codes)| Rounding::of_held(block.held(), codes)).collect()
         };
         let codes: Vec<_> = self.field.scales.iter().zip(codes).map(of_scale).collect();
-        self.unrounded = Some(Unrounded::taking(&mut self.field, &codes));
+        self.unrounded = Some(Unrounded::from_field(&mut self.field, &codes));
         self.checkpoint.rounding = Some(Rounding { codes, bit, first_bit: bit, goal, start });
     }
 

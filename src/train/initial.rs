@@ -6,6 +6,7 @@ use strivec_format::model::{
     AppearanceMatrix, Coverage, Decoder, Factors, Frame, Linear, Provenance, Rules, Scale, Scene, TensorCloud,
 };
 use strivec_format::random::Random;
+use strivec_format::{Invalid, Place};
 
 /// δ for a cloud at its current resolution: this many of its cells, averaged over the axes (spec 4.8).
 pub fn march_step(cloud: &TensorCloud, cells: f64) -> f64 {
@@ -37,11 +38,9 @@ pub fn initial_scene(
     // The bounds of contracted space are those of all space.
     let bounds = contraction.map_or(bounds, |contraction| contraction.bounds());
     if !bounds.is_solid() {
-        return Err(ConfigError::Value {
-            place: "scales".into(),
-            expected: "scales whose tensors overlap".into(),
-            found: "scales without a common point".into(),
-        });
+        let place = Place::option("scales");
+        let invalid = Invalid::new(place, "scales whose tensors overlap", "scales without a common point");
+        return Err(invalid.into());
     }
     let features = config.decoder.features;
     let scales = (config.scales.iter().zip(clouds).enumerate())

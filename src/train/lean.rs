@@ -93,13 +93,13 @@ pub(super) struct Ranking {
     /// \[scale\]\[block\] the new order of components.
     orders: Vec<Vec<Vec<u16>>>,
     /// The least worth first.
-    candidates: Vec<Candidate>,
+    candidates: Vec<ComponentCandidate>,
     /// Number of parameters.
     pub(super) total: u64,
 }
 
 /// A component that can be given up.
-struct Candidate {
+struct ComponentCandidate {
     /// Worth of the component, in dB of PSNR per parameter.
     worth: f64,
     /// Scale, block, tensor; and the component.
@@ -138,7 +138,7 @@ impl LeanConfig {
         let Ranking { orders, candidates, total } = ranking;
         let (mut max_loss, most) = self.goals(round, total);
         // A picture of fog depends on no component: all would go.
-        if self.max_drop.is_none() && candidates.iter().map(Candidate::loss).sum::<f64>() < LEAST_WORTH {
+        if self.max_drop.is_none() && candidates.iter().map(ComponentCandidate::loss).sum::<f64>() < LEAST_WORTH {
             max_loss = 0.0;
         }
         let least = ((1.0 - MAX_SHARE) * total as f64) as u64;
@@ -159,7 +159,7 @@ impl LeanConfig {
         }
         let none = |block: &FieldFactors<f32>| vec![Vec::new(); block.held().tensors()];
         let mut kept: Vec<Vec<Vec<Vec<u16>>>> = field.scales.iter().map(|s| s.blocks().map(none).collect()).collect();
-        for Candidate { index: [s, b, tensor], component, .. } in &candidates[given_up..] {
+        for ComponentCandidate { index: [s, b, tensor], component, .. } in &candidates[given_up..] {
             kept[*s][*b][*tensor].push(*component);
         }
         kept.iter_mut().flatten().flatten().for_each(|components| components.sort_unstable());
@@ -224,7 +224,7 @@ pub(super) fn fewer(cells: [u32; 3]) -> [u32; 3] {
     cells.map(|d| ((CELLS_KEPT * f64::from(d)).round() as u32).clamp(MIN_CELLS.min(d), d))
 }
 
-impl Candidate {
+impl ComponentCandidate {
     /// The loss of PSNR if it is given up, in dB.
     fn loss(&self) -> f64 {
         self.worth * self.parameters as f64
@@ -238,7 +238,7 @@ impl Ranking {
         let orders: Vec<_> = field.scales.iter().zip(&worth.rises).map(|(s, rises)| orders(s, rises)).collect();
         let mut candidates = candidates(field, worth, &orders, resolutions);
         // Components of a tensor with the same worth are given up from the last on.
-        let place = |c: &Candidate| (c.index, std::cmp::Reverse(c.component));
+        let place = |c: &ComponentCandidate| (c.index, std::cmp::Reverse(c.component));
         candidates.sort_by(|a, b| a.worth.total_cmp(&b.worth).then_with(|| place(a).cmp(&place(b))));
         let total = shared + candidates.iter().map(|c| c.parameters).sum::<u64>();
         Self { orders, candidates, total }
@@ -252,12 +252,17 @@ impl Ranking {
             left = left.saturating_sub(candidate.parameters);
             is_needed
         });
-        taken.map(Candidate::loss).sum()
+        taken.map(ComponentCandidate::loss).sum()
     }
 }
 
 /// All components of the tensors of `field`, in the new `orders`.
-fn candidates(field: &Field<f32>, worth: &Worth, orders: &[Vec<Vec<u16>>], resolutions: &[[u32; 3]]) -> Vec<Candidate> {
+fn candidates(
+    field: &Field<f32>,
+    worth: &Worth,
+    orders: &[Vec<Vec<u16>>],
+    resolutions: &[[u32; 3]],
+) -> Vec<ComponentCandidate> {
     let mut candidates = Vec::new();
     for (s, scale) in field.scales.iter().enumerate() {
         for (b, block) in scale.blocks().enumerate() {
@@ -271,7 +276,7 @@ fn candidates(field: &Field<f32>, worth: &Worth, orders: &[Vec<Vec<u16>>], resol
                 if b >= scale.density.len() {
                     make_non_increasing(&mut rises);
                 }
-                candidates.extend(components.into_iter().zip(rises).map(|(component, rise)| Candidate {
+                candidates.extend(components.into_iter().zip(rises).map(|(component, rise)| ComponentCandidate {
                     worth: rise * per_parameter,
                     index: [s, b, tensor],
                     component,

@@ -28,7 +28,7 @@ pub(super) struct UnroundedNetworks {
 
 impl UnroundedNetworks {
     /// Takes the weights of `field` as the unrounded ones, and rounds those of the field.
-    pub(super) fn taking(field: &mut Field<f32>) -> Self {
+    pub(super) fn from_field(field: &mut Field<f32>) -> Self {
         let decoder = &field.decoder;
         let ranks = field.scales.iter().map(|scale| scale.appearance_rank());
         let of_matrices = std::iter::repeat_n(ranks, decoder.features).flatten();
@@ -103,7 +103,7 @@ mod tests {
         let mut scene = decode(TWO_SCALES).unwrap();
         let mut field = Field::new(&scene);
         let trained = weights(&mut field);
-        let mut networks = UnroundedNetworks::taking(&mut field);
+        let mut networks = UnroundedNetworks::from_field(&mut field);
         assert_ne!(weights(&mut field), trained);
         networks.values_mut().iter_mut().enumerate().for_each(|(n, v)| *v *= 1.0 + 0.1 * (n % 7) as f32);
         networks.round(&mut field);

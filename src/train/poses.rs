@@ -61,7 +61,7 @@ pub(super) fn refined(
             Refinement { field, pixels, map: maps.get(view), camera, distance, growth_unit }
         })
         .collect();
-    let steps: Vec<Step> = refinements.iter().map(|refinement| refinement.step(growing)).collect();
+    let steps: Vec<PoseEquations> = refinements.iter().map(|refinement| refinement.step(growing)).collect();
     if let Some(growth) = common_growth(&steps) {
         let grown = refinements.iter().zip(&steps).map(|(refinement, step)| refinement.best(step, growth));
         let (cameras, costs): (Vec<_>, Vec<_>) = grown.unzip();
@@ -76,7 +76,7 @@ pub(super) fn refined(
 }
 
 /// The growth of all focal lengths, if the poses follow it; `None` if it is zero.
-fn common_growth(steps: &[Step]) -> Option<f64> {
+fn common_growth(steps: &[PoseEquations]) -> Option<f64> {
     let rows = steps.iter().filter_map(|step| step.reduced.map(|reduced| reduced[GROWTH]));
     let (curvature, slope) = rows.fold((0.0, 0.0), |(c, s), row| (c + row[GROWTH], s + row[7]));
     (curvature > 0.0 && slope != 0.0).then(|| (slope / curvature).clamp(-2.0 * MAX_MOVE, 2.0 * MAX_MOVE))
@@ -101,7 +101,7 @@ struct Refinement<'a> {
 }
 
 /// A photograph's cost and normal equations at its camera.
-struct Step {
+struct PoseEquations {
     /// The cost where the camera is.
     cost: f64,
     /// The equations solved for the pose in terms of the growth; `None` if no move makes the photograph more alike.
@@ -109,7 +109,7 @@ struct Step {
 }
 
 impl Refinement<'_> {
-    fn step(&self, growing: bool) -> Step {
+    fn step(&self, growing: bool) -> PoseEquations {
         let here = self.differences(&self.camera);
         let parameters = if growing { 7 } else { GROWTH };
         let sides: Vec<[Vec<[f64; 3]>; 2]> = (0..parameters)
@@ -140,11 +140,11 @@ impl Refinement<'_> {
         for (i, row) in system.iter_mut().enumerate().take(parameters) {
             row[i] += DAMPING * row[i] + floor;
         }
-        Step { cost: cost(&here), reduced: reduced(system) }
+        PoseEquations { cost: cost(&here), reduced: reduced(system) }
     }
 
     /// The best camera after a growth of its focal lengths, moved by `step` or not, and its cost.
-    fn best(&self, step: &Step, growth: f64) -> (Camera, f64) {
+    fn best(&self, step: &PoseEquations, growth: f64) -> (Camera, f64) {
         let mut by = [0.0; 7];
         by[GROWTH] = growth;
         let still = self.moved(&by);

@@ -7,12 +7,13 @@ use glam::IVec3;
 use rayon::prelude::*;
 
 use super::{ConfigError, ScaleConfig, TrainConfig, TrainError, initial_scene};
-use strivec_capture::dataset::{Dataset, View};
+use strivec_capture::dataset::{Dataset, Photograph};
 use strivec_capture::prior;
 use strivec_capture::prior::{CoarseOptions, CoarseProgress, ScaleShape, VoxelBoxes};
 use strivec_field::{Field, vectorized};
+use strivec_format::Invalid;
 use strivec_format::geometry::{Ray, Similarity};
-use strivec_format::model::{BrokenInvariant, ColorSpace, Frame, Scene, UpAxis};
+use strivec_format::model::{ColorSpace, Frame, Scene, UpAxis};
 
 /// Pixels among which the share of covered ones is counted, about.
 const COVERAGE_PIXELS: f64 = 2e6;
@@ -33,7 +34,7 @@ pub enum PrepareError {
     Config(#[from] ConfigError),
     /// The scene breaks an invariant of the model.
     #[error(transparent)]
-    Scene(#[from] BrokenInvariant),
+    Scene(#[from] Invalid),
     /// Training the prior's tensors failed.
     #[error(transparent)]
     Train(#[from] TrainError),
@@ -164,7 +165,7 @@ fn coverage_stride(dataset: &Dataset) -> usize {
 
 /// Calls `visit` with the rays of every `stride`th pixel of every `stride`th row of `view` that count, in the space of
 /// `scene`.
-fn for_some_rays(view: &View, stride: usize, scene: &Scene, mut visit: impl FnMut(&Ray)) {
+fn for_some_rays(view: &Photograph, stride: usize, scene: &Scene, mut visit: impl FnMut(&Ray)) {
     let camera = view.camera.mapped(&scene.frame.model_from_dataset);
     for row in (stride as u32 / 2..camera.height).step_by(stride) {
         for column in (stride as u32 / 2..camera.width).step_by(stride) {

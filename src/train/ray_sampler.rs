@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::pixel_blocks::Blocks;
 use super::pixel_set::PixelSet;
 use super::{Target, TrainConfig, TrainError};
-use strivec_capture::dataset::View;
+use strivec_capture::dataset::Photograph;
 use strivec_field::{Field, Real, vectorized};
 use strivec_format::geometry::{Camera, Ray};
 use strivec_format::model::Frame;
@@ -14,7 +14,7 @@ use strivec_format::random::Random;
 /// Draws rays of photographs, in the model's space. A ray is active if it is trained on.
 #[derive(Debug)]
 pub struct RaySampler<'a> {
-    views: &'a [View],
+    views: &'a [Photograph],
     cameras: Vec<Camera>,
     /// \[view\] the index of its first pixel; at the end, the number of pixels.
     firsts: Vec<u64>,
@@ -36,7 +36,7 @@ impl<'a> RaySampler<'a> {
     /// # Errors
     ///
     /// [`TrainError::TooManyPixels`].
-    pub fn new(views: &'a [View], frame: &Frame, config: &TrainConfig) -> Result<Self, TrainError> {
+    pub fn new(views: &'a [Photograph], frame: &Frame, config: &TrainConfig) -> Result<Self, TrainError> {
         let mut firsts = vec![0];
         for view in views {
             firsts.push(firsts[firsts.len() - 1] + view.pixels.len() as u64);
@@ -112,7 +112,7 @@ impl<'a> RaySampler<'a> {
     }
 
     fn target(&self, view: usize, within: u32, background: [f32; 3]) -> Target {
-        let View { pixels, distances, .. } = &self.views[view];
+        let Photograph { pixels, distances, .. } = &self.views[view];
         let color = pixels.color(within as usize, background);
         let distance = self.unit * distances.get(within as usize).copied().unwrap_or(0.0);
         Target { color, background, view: view as u32, distance, weight: 1.0 }

@@ -56,7 +56,7 @@ pub(super) struct UnroundedTensor<'a> {
 impl Unrounded {
     /// Takes the factors of `field` as the unrounded ones, and rounds those of the field to steps of `codes`, which belong to
     /// its held components.
-    pub(super) fn taking(field: &mut Field<f32>, codes: &[Vec<Vec<u8>>]) -> Self {
+    pub(super) fn from_field(field: &mut Field<f32>, codes: &[Vec<Vec<u8>>]) -> Self {
         let of_scale = |scale: &FieldScale<f32>| scale.blocks().map(|block| block.values().to_vec()).collect();
         let factors = field.scales.iter().map(of_scale).collect();
         let of_block = |codes: &Vec<u8>| codes.iter().map(|&code| step(code)).collect();

@@ -16,7 +16,7 @@ use super::{
     BatchRoulette, Checkpoint, DeadComponents, RayBatch, RaySampler, TrainConfig, TrainError, network_parts,
     prune_dead_components,
 };
-use strivec_capture::dataset::View;
+use strivec_capture::dataset::Photograph;
 use strivec_field::{Field, FieldDecoder, FieldFactors, Pool, Roulette, Stage, StageClock, Work, vectorized};
 use strivec_format::geometry::{Camera, Ray};
 use strivec_format::model::Scene;
@@ -62,8 +62,8 @@ impl<'a> Trainer<'a> {
     /// # Errors
     ///
     /// [`TrainError::NoRays`] and [`TrainError::TooManyPixels`].
-    pub fn new(config: TrainConfig, mut scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
-        let field = Field::taking(&mut scene);
+    pub fn new(config: TrainConfig, mut scene: Scene, views: &'a [Photograph]) -> Result<Self, TrainError> {
+        let field = Field::from_scene(&mut scene);
         let mut sampler = sampler_of(&scene, views, &config)?;
         sampler.filter_rays(&field);
         let checkpoint = Checkpoint::start(&config, &field, &sampler);
@@ -79,8 +79,8 @@ impl<'a> Trainer<'a> {
     /// # Errors
     ///
     /// If `views` are not those that the run began with, or `scene` is not the checkpoint's.
-    pub fn resume(checkpoint: Checkpoint, mut scene: Scene, views: &'a [View]) -> Result<Self, TrainError> {
-        let field = Field::taking(&mut scene);
+    pub fn resume(checkpoint: Checkpoint, mut scene: Scene, views: &'a [Photograph]) -> Result<Self, TrainError> {
+        let field = Field::from_scene(&mut scene);
         let mut sampler = sampler_of(&scene, views, &checkpoint.config)?;
         checkpoint.restore(&field, &mut sampler)?;
         Self::assemble(checkpoint.config.clone(), scene, field, sampler, checkpoint)
@@ -94,8 +94,8 @@ impl<'a> Trainer<'a> {
         checkpoint: Checkpoint,
     ) -> Result<Self, TrainError> {
         check_active_rays(&sampler)?;
-        let unrounded = checkpoint.rounding.as_ref().map(|r| Unrounded::taking(&mut field, &r.codes));
-        let unrounded_networks = checkpoint.rounds_networks().then(|| UnroundedNetworks::taking(&mut field));
+        let unrounded = checkpoint.rounding.as_ref().map(|r| Unrounded::from_field(&mut field, &r.codes));
+        let unrounded_networks = checkpoint.rounds_networks().then(|| UnroundedNetworks::from_field(&mut field));
         Ok(Self {
             steps_before: scene.provenance.steps.saturating_sub(checkpoint.step),
             last_step: config.steps,
@@ -128,7 +128,7 @@ impl<'a> Trainer<'a> {
     pub(super) fn restart_from(&mut self, mut scene: Scene, steps: u64) {
         self.steps_before += self.checkpoint.step;
         self.checkpoint.step = 0;
-        self.field = Field::taking(&mut scene);
+        self.field = Field::from_scene(&mut scene);
         self.backward = backward(&self.config, &self.field);
         self.scene = scene;
         self.config.steps = steps;
@@ -301,7 +301,7 @@ impl<'a> Trainer<'a> {
         match &self.unrounded_networks {
             Some(networks) => networks.round(&mut self.field),
             None if self.checkpoint.rounds_networks() => {
-                self.unrounded_networks = Some(UnroundedNetworks::taking(&mut self.field));
+                self.unrounded_networks = Some(UnroundedNetworks::from_field(&mut self.field));
             }
             None => {}
         }
@@ -390,7 +390,7 @@ fn backward(config: &TrainConfig, field: &Field<f32>) -> Backward<f32> {
 }
 
 /// The rays of `views` in the space of `scene`. Random backgrounds are ignored if it has a sky.
-fn sampler_of<'a>(scene: &Scene, views: &'a [View], config: &TrainConfig) -> Result<RaySampler<'a>, TrainError> {
+fn sampler_of<'a>(scene: &Scene, views: &'a [Photograph], config: &TrainConfig) -> Result<RaySampler<'a>, TrainError> {
     let sampler = RaySampler::new(views, &scene.frame, config)?;
     Ok(if scene.rules.sky.is_some() { sampler.without_random_backgrounds() } else { sampler })
 }

@@ -10,7 +10,7 @@ use strivec_field::render::gpu::GpuError;
 use strivec_format::color::byte;
 use strivec_format::container::Pose;
 use strivec_format::geometry::{Camera, PoseError, Viewpoint};
-use strivec_player::{Comparison, Drag, Fact, Place, SceneSlot, Session, View};
+use strivec_player::{Comparison, Drag, Fact, PictureRect, SceneSlot, Session, View};
 
 /// Seconds that a picture may take while the camera moves, at first.
 const FRAME_TIME: f64 = 0.033;
@@ -109,7 +109,7 @@ impl App {
             let own = slot.scene.frame.background;
             let wanted = self.session.background.unwrap_or(own);
             let colors = rgba(picture, [0, 1, 2].map(|c| wanted[c] - own[c]));
-            let Place { whole, seen } = places[n];
+            let PictureRect { whole, seen } = places[n];
             let [first, last] = [seen[0], seen[2]].map(|x| x.round() as usize);
             for row in 0..size[1] as usize {
                 for x in first..last {

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use glam::DVec3;
-use strivec_capture::dataset::{Layout, LoadOptions, View, load};
+use strivec_capture::dataset::{Layout, LoadOptions, Photograph, load};
 use strivec_format::geometry::{Camera, Distortion, Lens, Projection};
 use strivec_import::npy::{Header, Number};
 use strivec_synth::{CameraModel, Error, Surroundings, SynthLayout, SynthOptions, synthesize};
@@ -149,7 +149,7 @@ fn folder_of(layout: SynthLayout, camera: CameraModel, options: SynthOptions) ->
     folder
 }
 
-fn views(folder: &Path, split: &str) -> Vec<View> {
+fn views(folder: &Path, split: &str) -> Vec<Photograph> {
     load(folder, split, &LoadOptions::default()).unwrap().views
 }
 
@@ -234,7 +234,7 @@ fn every_layout_has_the_same_views() {
 fn every_camera_reads_back_from_every_layout_that_has_it() {
     let truth = folder_of(SynthLayout::Blender, CameraModel::Pinhole, SMALL);
     for camera in CameraModel::ALL {
-        let mut first: Option<Vec<View>> = None;
+        let mut first: Option<Vec<Photograph>> = None;
         for layout in SynthLayout::ALL.into_iter().filter(|layout| layout.cameras().contains(&camera)) {
             if layout == SynthLayout::ScanNet {
                 continue;
@@ -350,8 +350,8 @@ fn cameras_and_splits_that_a_layout_cannot_state_are_refused() {
 }
 
 /// The test views of `folder`, all opaque, and the exact distances of their pixels.
-fn distances(folder: &Path) -> Vec<(View, Vec<f64>)> {
-    let of_view = |view: View| {
+fn distances(folder: &Path) -> Vec<(Photograph, Vec<f64>)> {
+    let of_view = |view: Photograph| {
         assert!(view.pixels.is_opaque(), "{}", view.name);
         let file = fs::read(folder.join(format!("distances/{}.npy", view.name))).unwrap();
         let mut input = &file[..];

@@ -17,7 +17,7 @@ use strivec_format::geometry::{Camera, Viewpoint};
 use strivec_format::model::Scene;
 use strivec_format::psnr::psnr_of_mse;
 use strivec_measure::color_png;
-use strivec_train::pack::{Distortion, probe_views};
+use strivec_train::pack::{ReferencePictures, probe_views};
 use tempfile::TempDir;
 
 /// An unbounded scene, and a ring of cameras in its inner cube that look at its middle.
@@ -145,7 +145,7 @@ fn an_unbounded_scene_is_packed_as_its_cameras_see_it() {
     succeed(folder.path(), PACK, &["verify", "--render", "small.strivec"]);
     let small = read(folder.path(), "small.strivec");
     let quality = small.metadata.quality.unwrap();
-    let distortion = |size| Distortion::from_own_pictures(&scene, probe_views(&scene, None, &cameras, 12, size));
+    let distortion = |size| ReferencePictures::from_own_pictures(&scene, probe_views(&scene, None, &cameras, 12, size));
     let measured = psnr_of_mse(distortion(24).mse(&small.scene));
     let stated = quality.encoded.unwrap();
     assert!(stated >= 45.0 && (stated - measured).abs() < 1.5, "{stated} stated, {measured} measured");

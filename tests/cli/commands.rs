@@ -191,7 +191,7 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
 
     let message = failure(&plan(&["--max-size", "9B", "--quiet"]), 1);
     assert!(
-        message.contains("--max-params or --max-size must be at least ") && message.ends_with("not 9 bytes\n"),
+        message.contains("--max-params or --max-size must be at least ") && message.ends_with("; found 9 bytes\n"),
         "{message}"
     );
     let output = run(folder.path(), &["train", "toy", "-o", "b", "--auto", "--print-config"]);

@@ -10,7 +10,7 @@ use std::process::Command;
 use glam::{DVec3, UVec3};
 use image::{Rgb, RgbImage};
 use serde_json::json;
-use strivec_capture::dataset::{Dataset, Pixels, View};
+use strivec_capture::dataset::{Dataset, Photograph, Pixels};
 use strivec_capture::prior::{CoarseOptions, VoxelBoxes};
 use strivec_field::render::{CpuRenderer, Renderer};
 use strivec_format::container;
@@ -38,7 +38,7 @@ fn dataset() -> Dataset {
                 let stripe = |v: f64| (0.5 + 0.4 * (0.8 * v).sin()) as f32;
                 [stripe(at.x), stripe(at.y), stripe(at.z)]
             });
-            View::new(n.to_string(), camera, Pixels::opaque(pixels))
+            Photograph::new(n.to_string(), camera, Pixels::opaque(pixels))
         })
         .collect();
     Dataset::new("walls", views)

@@ -85,7 +85,7 @@ fn synth_train_info_render_and_eval_agree_with_each_other() {
     assert!((approximated["psnr"].as_f64().unwrap() - psnr).abs() > 1e-3, "{approximated}");
     for (wrong, expected) in [
         (["--top-k", "3"], "--top-k was removed; --step-scale"),
-        (["--step-scale", "0"], "--step-scale: expected 0.25 to 64, found 0"),
+        (["--step-scale", "0"], "--step-scale must be 0.25 to 64; found 0"),
         (["--renderer=reference", "--step-scale=2"], "--backend reference renders without approximations"),
     ] {
         let output = strivec(folder, &[&["eval", "a.strivec", "data", "--quiet"][..], &wrong].concat());

@@ -57,7 +57,7 @@ impl Visitor for Seen {
 type Read = fn(&mut Input<'_>, &ReadOptions, &mut dyn Visitor) -> Result<(), Fault>;
 
 fn read_glb(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
-    gltf::read(input, &|name| Err(Fault::invalid(name, "no other file is needed")), options, visitor)
+    gltf::read(input, &|name| Err(Fault::broken(name, "no other file is needed")), options, visitor)
 }
 
 fn seen(bytes: &[u8], read: Read) -> Seen {

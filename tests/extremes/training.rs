@@ -4,7 +4,7 @@
 use std::ops::ControlFlow;
 
 use glam::DVec3;
-use strivec_capture::dataset::{Dataset, Pixels, View};
+use strivec_capture::dataset::{Dataset, Photograph, Pixels};
 use strivec_capture::prior::VoxelBoxes;
 use strivec_field::Field;
 use strivec_field::render::{CpuRenderer, Renderer};
@@ -84,13 +84,13 @@ fn gradients_are_finite_at_every_extreme() {
 }
 
 /// Views of a scene of random tensors.
-fn views(count: usize) -> Vec<View> {
+fn views(count: usize) -> Vec<Photograph> {
     let scene = scenes::scene(&TrainConfig { seed: 77, ..scenes::config() });
     let renderer = CpuRenderer::new(&scene);
     let view = |i: usize| {
         let camera = scenes::camera(24, i as f64);
         let pixels = Pixels::opaque(renderer.render(&camera).pixels.iter().map(|p| p.color));
-        View::new(i.to_string(), camera, pixels)
+        Photograph::new(i.to_string(), camera, pixels)
     };
     (0..count).map(view).collect()
 }
@@ -134,7 +134,7 @@ fn a_healthy_run_is_not_stopped_and_its_error_falls_also_at_five_times_the_learn
 }
 
 /// `views` in a world that is `factor` times larger and moved by `offset` of its units.
-fn in_world(views: &[View], factor: f64, offset: DVec3) -> Vec<View> {
+fn in_world(views: &[Photograph], factor: f64, offset: DVec3) -> Vec<Photograph> {
     let mut views = views.to_vec();
     for view in &mut views {
         view.camera.position = factor * (view.camera.position + offset);

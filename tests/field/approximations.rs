@@ -3,6 +3,7 @@
 use crate::scenes;
 
 use strivec_field::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer};
+use strivec_format::Place;
 use strivec_format::geometry::Camera;
 use strivec_format::model::{DecoderMode, Scene};
 use strivec_train::TrainConfig;
@@ -154,7 +155,7 @@ fn options_out_of_range_are_refused_by_name() {
         (Approximation { min_transmittance: Some(-0.1), ..EXACT }, "min_transmittance", "a number in [0, 1)"),
     ] {
         let error = CpuRenderer::<f32>::with_approximation(scene.clone(), &option).expect_err("a refusal");
-        assert_eq!((error.option, error.expected.as_str()), (name, expected), "{error}");
+        assert_eq!((&error.place, error.expected.as_str()), (&Place::option(name), expected), "{error}");
     }
 }
 

@@ -161,7 +161,7 @@ fn margins_are_distances_to_the_next_decision() {
     for i in 0..4000 {
         let position = DVec3::from_array([0, 1, 2].map(|a| 1.6 * random.uniform(8 * i + a) - 0.8));
         let here = field.locate(position);
-        let tensors = |p: &strivec_format::model::Point| -> Vec<Vec<usize>> {
+        let tensors = |p: &strivec_format::model::LocatedPoint| -> Vec<Vec<usize>> {
             p.neighbors
                 .iter()
                 .map(|n| {

@@ -4,7 +4,7 @@ use crate::scenes;
 
 use std::collections::BTreeSet;
 
-use strivec_capture::dataset::{Pixels, View};
+use strivec_capture::dataset::{Photograph, Pixels};
 use strivec_field::Field;
 use strivec_field::render::{CpuRenderer, Renderer};
 use strivec_format::container;
@@ -23,12 +23,12 @@ fn seen() -> Scene {
     scene
 }
 
-fn views() -> Vec<View> {
+fn views() -> Vec<Photograph> {
     let renderer = CpuRenderer::new(&seen());
     let view = |n: u32| {
         let camera = scenes::camera(SIZE, f64::from(n));
         let pixels = Pixels::opaque(renderer.render(&camera).pixels.iter().map(|p| p.color));
-        View::new(n.to_string(), camera, pixels)
+        Photograph::new(n.to_string(), camera, pixels)
     };
     (0..8).map(view).collect()
 }
@@ -37,7 +37,7 @@ fn config(steps: u64) -> TrainConfig {
     TrainConfig { steps, batch_rays: 200, sky_degree: Some(1), occupancy_at: vec![8], ..scenes::config() }
 }
 
-fn trainer<'a>(config: &TrainConfig, views: &'a [View]) -> Trainer<'a> {
+fn trainer<'a>(config: &TrainConfig, views: &'a [Photograph]) -> Trainer<'a> {
     Trainer::new(config.clone(), scenes::scene(config), views).unwrap()
 }
 
@@ -120,10 +120,10 @@ fn a_run_with_a_sky_ends_in_the_same_file_on_any_threads_and_after_an_interrupti
 /// Settings cannot contain both, but a scene with a sky can be trained on with settings for random backgrounds.
 #[test]
 fn a_sky_takes_the_place_of_random_backgrounds() {
-    let transparent: Vec<View> = (views().into_iter())
+    let transparent: Vec<Photograph> = (views().into_iter())
         .map(|view| {
             let pixels = (0..SIZE * SIZE).map(|n| [128, 128, 128, if n % 2 == 0 { 255 } else { 0 }]);
-            View::new(view.name, view.camera, Pixels::Rgba8(pixels.collect()))
+            Photograph::new(view.name, view.camera, Pixels::Rgba8(pixels.collect()))
         })
         .collect();
     let config = TrainConfig { random_background: true, sky_degree: Some(0), ..config(3) };

@@ -4,7 +4,7 @@ use crate::scenes;
 
 use std::collections::BTreeSet;
 
-use strivec_capture::dataset::{Pixels, View};
+use strivec_capture::dataset::{Photograph, Pixels};
 use strivec_format::model::Frame;
 use strivec_format::random::Random;
 use strivec_train::{RaySampler, Target, TrainConfig};
@@ -13,10 +13,10 @@ const SIZE: u32 = 6;
 const PIXELS: u64 = (SIZE * SIZE) as u64;
 
 /// An opaque view and one with transparent pixels, all of one color.
-fn views() -> [View; 2] {
+fn views() -> [Photograph; 2] {
     [255, 51].map(|alpha| {
         let pixels = Pixels::Rgba8(vec![[255, 0, 102, alpha]; PIXELS as usize]);
-        View::new(alpha.to_string(), scenes::camera(SIZE, f64::from(alpha)), pixels)
+        Photograph::new(alpha.to_string(), scenes::camera(SIZE, f64::from(alpha)), pixels)
     })
 }
 
@@ -25,7 +25,7 @@ fn frame() -> Frame {
 }
 
 /// Draws `count` rays of `views`, none of which is left out: for each its view and its target.
-fn drawn(views: &[View; 2], config: &TrainConfig, count: u64) -> Vec<(usize, Target)> {
+fn drawn(views: &[Photograph; 2], config: &TrainConfig, count: u64) -> Vec<(usize, Target)> {
     let frame = frame();
     let mut sampler = RaySampler::new(views, &frame, config).unwrap();
     assert!(sampler.restore_active_rays(&[u8::MAX; 2 * PIXELS as usize / 8]), "a mask of another length");

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
 use glam::{DQuat, DVec3, IVec3, UVec3};
-use strivec_capture::dataset::{Dataset, LoadOptions, Pixels, View, load};
+use strivec_capture::dataset::{Dataset, LoadOptions, Photograph, Pixels, load};
 use strivec_capture::prior::coarse::reconstruct;
 use strivec_capture::prior::{
     CoarseOptions, Error, ScaleShape, VoxelBoxes, canonical_map, place_at, place_on_boxes, place_on_points,
@@ -27,7 +27,7 @@ fn photographs(views: u32, size: u32, scale: f64) -> Dataset {
         let position = 3.0 * scale * DVec3::new(radius * angle.cos(), radius * angle.sin(), height);
         let camera = Camera::looking_at([size, size], 1.3 * f64::from(size), position, DVec3::ZERO, DVec3::Z);
         let pixels = Pixels::opaque((0..size * size).map(|p| color(&solid, &camera.ray(p % size, p / size).unwrap())));
-        View::new(format!("r_{n}"), camera, pixels)
+        Photograph::new(format!("r_{n}"), camera, pixels)
     };
     Dataset::new("box", (0..views).map(view).collect())
 }

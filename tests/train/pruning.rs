@@ -3,7 +3,7 @@
 use crate::scenes;
 
 use glam::{DVec3, UVec3};
-use strivec_capture::dataset::{Pixels, View};
+use strivec_capture::dataset::{Photograph, Pixels};
 use strivec_field::Field;
 use strivec_field::render::{CpuRenderer, ReferenceRenderer, Renderer};
 use strivec_format::container;
@@ -124,7 +124,7 @@ fn set_features(scale: &mut Scale, feature: impl Fn(DVec3) -> f64) {
 }
 
 /// Photographs of `scene` with noise that reduces their PSNR to about 30 dB.
-fn views(scene: &Scene) -> Vec<View> {
+fn views(scene: &Scene) -> Vec<Photograph> {
     let renderer = CpuRenderer::new(scene);
     let noise = Random::new(1, "noise");
     (0..6_u32)
@@ -134,7 +134,7 @@ fn views(scene: &Scene) -> Vec<View> {
             let pixels = renderer.render(&camera).pixels;
             let pixels = (0..).zip(&pixels).map(|(n, p)| p.color.map(|c| c + 0.1 * (noise.uniform(n) as f32 - 0.5)));
             let pixels = Pixels::opaque(pixels);
-            View::new(i.to_string(), camera, pixels)
+            Photograph::new(i.to_string(), camera, pixels)
         })
         .collect()
 }

@@ -3,7 +3,7 @@
 use crate::scenes;
 
 use glam::UVec3;
-use strivec_capture::dataset::{Pixels, View};
+use strivec_capture::dataset::{Photograph, Pixels};
 use strivec_field::render::{CpuRenderer, Renderer};
 use strivec_format::geometry::Ray;
 use strivec_format::model::{Block, Form, Occupancy, Scale, Scene};
@@ -33,12 +33,12 @@ fn colorful() -> Scene {
 }
 
 /// Photographs of `scene`.
-fn views(scene: &Scene) -> Vec<View> {
+fn views(scene: &Scene) -> Vec<Photograph> {
     let renderer = CpuRenderer::new(scene);
     let view = |i: u32| {
         let camera = scenes::camera(24, f64::from(i));
         let pixels = renderer.render(&camera).pixels;
-        View::new(i.to_string(), camera, Pixels::opaque(pixels.iter().map(|p| p.color)))
+        Photograph::new(i.to_string(), camera, Pixels::opaque(pixels.iter().map(|p| p.color)))
     };
     (0..6).map(view).collect()
 }
@@ -87,18 +87,18 @@ fn gentle() -> TrainConfig {
 }
 
 /// `views` with noise: exact photographs have an endless PSNR.
-fn noisy(views: &[View]) -> Vec<View> {
-    let of_view = |(v, view): (u64, &View)| {
+fn noisy(views: &[Photograph]) -> Vec<Photograph> {
+    let of_view = |(v, view): (u64, &Photograph)| {
         let noise = Random::new(v, "noise");
         let colors = (0..).zip(view.pixels.colors([0.0; 3])).map(|(n, color): (u64, [f32; 3])| {
             [0, 1, 2].map(|c| (color[c] + 0.1 * (noise.uniform(3 * n + c as u64) as f32 - 0.5)).clamp(0.0, 1.0))
         });
-        View { pixels: Pixels::opaque(colors), ..view.clone() }
+        Photograph { pixels: Pixels::opaque(colors), ..view.clone() }
     };
     (0..).zip(views).map(of_view).collect()
 }
 
-fn shrunk(scene: &Scene, views: &[View], goal: ShrinkGoal, tuning: &Tuning) -> Shrunk {
+fn shrunk(scene: &Scene, views: &[Photograph], goal: ShrinkGoal, tuning: &Tuning) -> Shrunk {
     let mut trainer = shrink(scene.clone(), views, goal, tuning).unwrap();
     let before = trainer.psnr_of(scene);
     (0..tuning.steps).for_each(|_| drop(trainer.step().unwrap()));
@@ -109,9 +109,9 @@ fn shrunk(scene: &Scene, views: &[View], goal: ShrinkGoal, tuning: &Tuning) -> S
 }
 
 /// PSNR of `scene` on `views`, in dB.
-fn psnr(scene: &Scene, views: &[View]) -> f64 {
+fn psnr(scene: &Scene, views: &[Photograph]) -> f64 {
     let renderer = CpuRenderer::new(scene);
-    let error = |view: &View| {
+    let error = |view: &Photograph| {
         let photograph = view.pixels.colors(scene.frame.background);
         let pairs = renderer.render(&view.camera).pixels.into_iter().zip(photograph);
         pairs.flat_map(|(p, q)| (0..3).map(move |c| f64::from(p.color[c] - q[c]).powi(2))).sum::<f64>()

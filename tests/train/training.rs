@@ -3,7 +3,7 @@
 use crate::scenes;
 
 use glam::{DMat3, DQuat, DVec3, UVec3};
-use strivec_capture::dataset::{Pixels, View};
+use strivec_capture::dataset::{Photograph, Pixels};
 use strivec_field::Field;
 use strivec_field::render::{CpuRenderer, Pixel, Renderer};
 use strivec_format::container;
@@ -15,7 +15,7 @@ use strivec_format::random::Random;
 use strivec_train::{Checkpoint, Exposure, FinishConfig, LeanConfig, RaySampler, TrainConfig, Trainer};
 
 /// Views of a scene of random tensors.
-fn views() -> Vec<View> {
+fn views() -> Vec<Photograph> {
     let mut config = scenes::config();
     config.seed = 77;
     let scene = scenes::scene(&config);
@@ -24,7 +24,7 @@ fn views() -> Vec<View> {
         .map(|i| {
             let camera = scenes::camera(24, f64::from(i));
             let pixels = Pixels::opaque(renderer.render(&camera).pixels.iter().map(|p| p.color));
-            View::new(i.to_string(), camera, pixels)
+            Photograph::new(i.to_string(), camera, pixels)
         })
         .collect()
 }
@@ -57,7 +57,7 @@ fn file(scene: &Scene) -> Vec<u8> {
     container::encode(scene, &EncodeOptions { zstd_level: Some(1), ..EncodeOptions::uniform(Encoding::F32) }).unwrap()
 }
 
-fn trainer(views: &[View]) -> Trainer<'_> {
+fn trainer(views: &[Photograph]) -> Trainer<'_> {
     let config = config();
     let scene = scenes::scene(&config);
     Trainer::new(config, scene, views).unwrap()
@@ -113,7 +113,7 @@ fn a_run_resumed_at_any_point_of_the_schedule_ends_in_the_same_file() {
 }
 
 /// A run whose scene counts on one side only from the start, so that pruning has something to remove.
-fn pruning_trainer(views: &[View], prune: bool) -> Trainer<'_> {
+fn pruning_trainer(views: &[Photograph], prune: bool) -> Trainer<'_> {
     let config = TrainConfig { prune, lean: LeanConfig::off(), ..config() };
     let mut scene = scenes::scene(&config);
     let mut occupancy = Occupancy::empty(scene.bounds, UVec3::splat(13));
@@ -304,10 +304,10 @@ fn the_error_falls() {
 fn photographs_of_uneven_exposure_give_the_scene_of_their_mean() {
     let even = views();
     let gain = |n: usize| 0.7 + 0.6 * n as f32 / (even.len() - 1) as f32;
-    let uneven: Vec<View> = (even.iter().enumerate())
+    let uneven: Vec<Photograph> = (even.iter().enumerate())
         .map(|(n, view)| {
             let colors = view.pixels.colors([0.0; 3]).into_iter().map(|color| color.map(|v| gain(n) * v));
-            View::new(view.name.clone(), view.camera, Pixels::opaque(colors))
+            Photograph::new(view.name.clone(), view.camera, Pixels::opaque(colors))
         })
         .collect();
     let error_of = |exposure: Exposure| {
@@ -330,22 +330,22 @@ fn photographs_of_uneven_exposure_give_the_scene_of_their_mean() {
 }
 
 /// `views`, their cameras turned and moved at random by `degrees` and a length.
-fn disturbed(views: &[View], degrees: f64, length: f64) -> Vec<View> {
+fn disturbed(views: &[Photograph], degrees: f64, length: f64) -> Vec<Photograph> {
     let random = Random::new(4, "disturbed");
     let vector = |n: usize| DVec3::from([0, 1, 2].map(|c| random.normal(3 * n as u64 + c)));
-    let camera = |(n, view): (usize, &View)| {
+    let camera = |(n, view): (usize, &Photograph)| {
         let turn = DMat3::from_quat(DQuat::from_scaled_axis(degrees.to_radians() / 3.0_f64.sqrt() * vector(2 * n)));
         let position = view.camera.position + length / 3.0_f64.sqrt() * vector(2 * n + 1);
         Camera { world_from_camera: view.camera.world_from_camera * turn, position, ..view.camera }
     };
-    views.iter().enumerate().map(|n| View { camera: camera(n), ..n.1.clone() }).collect()
+    views.iter().enumerate().map(|n| Photograph { camera: camera(n), ..n.1.clone() }).collect()
 }
 
 /// The mean distance in pixels between the places of points of the scene in the pictures of `cameras` and of `views`.
-fn pose_error(cameras: &[Camera], views: &[View]) -> f64 {
+fn pose_error(cameras: &[Camera], views: &[Photograph]) -> f64 {
     let corners = (0..8).map(|n| 0.5 * DVec3::new(f64::from(n & 1), f64::from(n >> 1 & 1), f64::from(n >> 2)) - 0.25);
     let corners: Vec<DVec3> = corners.collect();
-    let of_view = |(camera, view): (&Camera, &View)| {
+    let of_view = |(camera, view): (&Camera, &Photograph)| {
         let apart = |&p: &DVec3| camera.project(p).unwrap().distance(view.camera.project(p).unwrap());
         corners.iter().map(apart).sum::<f64>() / 8.0
     };
@@ -362,7 +362,7 @@ fn frozen() -> TrainConfig {
 fn disturbed_poses_are_found_again_by_a_scene_that_is_right() {
     let exact = views();
     let wrong = disturbed(&exact, 1.0, 0.03);
-    let cameras = |views: &[View]| views.iter().map(|view| view.camera).collect::<Vec<_>>();
+    let cameras = |views: &[Photograph]| views.iter().map(|view| view.camera).collect::<Vec<_>>();
     let before = pose_error(&cameras(&wrong), &exact);
     let scene = scenes::scene(&TrainConfig { seed: 77, ..scenes::config() });
     let mut trainer = Trainer::new(frozen(), scene, &wrong).unwrap();

@@ -1,10 +1,12 @@
 //! Errors of reading datasets. Each message is one line: the file, the place in it, the valid values and the
 //! value found.
 
+use std::fmt::Display;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use strivec_format::{Invalid, OptionName, Place};
 use strivec_import::{Fault, ImportError};
 
 /// The party that must act on an [`Error`].
@@ -34,8 +36,8 @@ pub enum Error {
     },
     /// Photographs whose pictures do not exist.
     #[error(
-        "{}: {count} of {of} pictures do not exist, the first is {}; `skip_missing` leaves them out",
-        path.display(), picture.display()
+        "{}: {count} of {of} pictures do not exist, the first is {}; {} leaves them out",
+        path.display(), picture.display(), OptionName("skip_missing")
     )]
     MissingPictures {
         /// The file or folder that lists the photographs.
@@ -96,41 +98,15 @@ pub enum Error {
         found: String,
     },
     /// A text file with invalid contents.
-    #[error("{}: {place} must be {expected}; found {found}", path.display())]
+    #[error("{}: {invalid}", path.display())]
     Text {
         /// The file, or the folder of them.
         path: PathBuf,
-        /// The key, or the contents of the whole file.
-        place: String,
-        /// The valid values.
-        expected: String,
-        /// The value found.
-        found: String,
-    },
-    /// A `file_path` that does not name a file.
-    #[error("{}: frame {frame}: file_path must be the path of a file; found {found:?}", path.display())]
-    FilePath {
-        /// The JSON file.
-        path: PathBuf,
-        /// Index in `frames`.
-        frame: usize,
-        /// The value found.
-        found: String,
-    },
-    /// A `transform_matrix` that is not a rotation and a translation.
-    #[error("{}: frame {frame}: transform_matrix must be {expected}; found {found}", path.display())]
-    Pose {
-        /// The JSON file.
-        path: PathBuf,
-        /// Index in `frames`.
-        frame: usize,
-        /// The property that the matrix lacks.
-        expected: &'static str,
-        /// The deviation, or the values.
-        found: String,
+        /// The key with its value, or the contents of the whole file.
+        invalid: Invalid,
     },
     /// The size of the pictures is in neither the JSON file nor a picture nor the caller's arguments.
-    #[error("{}: the picture size is unknown; add the keys w and h, add a picture, or set `size`", path.display())]
+    #[error("{}: the picture size is unknown; add the keys w and h, add a picture, or set {}", path.display(), OptionName("size"))]
     UnknownSize {
         /// The file or folder that lists the photographs.
         path: PathBuf,
@@ -172,8 +148,9 @@ pub enum Error {
     },
     /// Photographs that take more memory than they may.
     #[error(
-        "{}: the photographs take {:.1} GB of memory, more than the {:.1} GB of `max_memory`; set `downscale`, or load \
-         fewer with `every`", path.display(), *found as f64 / 1e9, *limit as f64 / 1e9
+        "{}: the photographs take {:.1} GB of memory, more than the {:.1} GB of {}; set {}, or load fewer with {}",
+        path.display(), *found as f64 / 1e9, *limit as f64 / 1e9, OptionName("max_memory"), OptionName("downscale"),
+        OptionName("every")
     )]
     Memory {
         /// The file or folder that lists the photographs.
@@ -184,16 +161,12 @@ pub enum Error {
         found: u64,
     },
     /// A downscale factor of 0 or one that leaves no pixel.
-    #[error(
-        "{}: `downscale` must be 1 to {}; found {factor}", path.display(), size[0].min(size[1])
-    )]
+    #[error("{}: {invalid}", path.display())]
     Downscale {
         /// The JSON file, or the scan's folder.
         path: PathBuf,
         /// The factor.
-        factor: u32,
-        /// Columns and rows of the pictures.
-        size: [u32; 2],
+        invalid: Invalid,
     },
     /// A selection of views that is empty or out of range.
     #[error(
@@ -219,8 +192,6 @@ impl Error {
             Self::Read { .. } | Self::MissingPictures { .. } | Self::MissingSplit { .. } => ErrorKind::Io,
             Self::Json { .. }
             | Self::NoFrames { .. }
-            | Self::FilePath { .. }
-            | Self::Pose { .. }
             | Self::UnknownSize { .. }
             | Self::Picture { .. }
             | Self::PictureSize { .. }
@@ -237,9 +208,9 @@ impl Error {
     pub(crate) fn of_geometry(self, path: &Path) -> ImportError {
         match self {
             Self::Read { path, source } => Fault::Io(source).of(&path),
-            Self::Text { path, place, expected, found } => Fault::malformed(place, expected, found).of(&path),
+            Self::Text { path, invalid } => Fault::from(invalid).of(&path),
             Self::TooLarge { path, what, limit, found } => Fault::Limit { what: what.into(), limit, found }.of(&path),
-            other => Fault::invalid("the dataset", other.to_string()).of(path),
+            other => Fault::broken("the dataset", other.to_string()).of(path),
         }
     }
 
@@ -249,13 +220,8 @@ impl Error {
     }
 
     /// Makes an [`Error::Text`].
-    pub(super) fn text(
-        path: &Path,
-        place: impl Into<String>,
-        expected: impl Into<String>,
-        found: impl Into<String>,
-    ) -> Self {
-        Self::Text { path: path.to_path_buf(), place: place.into(), expected: expected.into(), found: found.into() }
+    pub(super) fn text(path: &Path, place: impl Into<Place>, expected: impl Display, found: impl Display) -> Self {
+        Self::Text { path: path.to_path_buf(), invalid: Invalid::new(place, expected, found) }
     }
 
     /// Converts an error of reading `path`, for `map_err`.

@@ -29,7 +29,7 @@ pub(super) fn read(folder: &Path, downscale: u32) -> Result<Capture, Error> {
     let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(&text, options)
         .map_err(|error| Error::text(&path, "the file", "Metashape's XML of cameras", error.to_string()))?;
-    let file = File { path: &path };
+    let file = CamerasFile { path: &path };
     let chunk = file.child(document.root_element(), "chunk")?;
     let mut sensors = BTreeMap::new();
     for sensor in file.child(chunk, "sensors")?.children().filter(|node| node.has_tag_name("sensor")) {
@@ -66,11 +66,11 @@ fn largest_component<'a>(cameras: &[Node<'a, '_>]) -> Option<&'a str> {
 }
 
 /// `cameras.xml`, for messages.
-struct File<'a> {
+struct CamerasFile<'a> {
     path: &'a Path,
 }
 
-impl File<'_> {
+impl CamerasFile<'_> {
     fn child<'a, 'i>(&self, node: Node<'a, 'i>, name: &str) -> Result<Node<'a, 'i>, Error> {
         let place = || node.tag_name().name().to_owned();
         let found = node.children().find(|child| child.has_tag_name(name));

@@ -49,7 +49,7 @@ pub struct Dataset {
     /// The dataset's name, which is the folder's.
     pub name: String,
     /// The views, at least one.
-    pub views: Vec<View>,
+    pub views: Vec<Photograph>,
     /// Number of frames of the split without a pose, which are not among the views.
     pub lost: usize,
     /// The pictures that do not exist and that the options, or the layout, leave out.
@@ -64,7 +64,7 @@ pub struct Dataset {
 
 impl Dataset {
     /// The dataset of `views` alone.
-    pub fn new(name: impl Into<String>, views: Vec<View>) -> Self {
+    pub fn new(name: impl Into<String>, views: Vec<Photograph>) -> Self {
         Self {
             name: name.into(),
             views,
@@ -79,7 +79,7 @@ impl Dataset {
 
 /// One photograph.
 #[derive(Clone, Debug, PartialEq)]
-pub struct View {
+pub struct Photograph {
     /// The file name without folder and extension, as in `r_0`.
     pub name: String,
     /// The camera, of the picture's size.
@@ -94,7 +94,7 @@ pub struct View {
     pub distances: Vec<f32>,
 }
 
-impl View {
+impl Photograph {
     /// A view all of whose pixels count.
     pub fn new(name: impl Into<String>, camera: Camera, pixels: Pixels) -> Self {
         Self { name: name.into(), camera, pixels, mask: None, distances: Vec::new() }

@@ -6,10 +6,11 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::capture::Capture;
-use super::picture::{self, Header, MAX_EDGE};
+use super::picture::{self, MAX_EDGE, PictureHeader};
 use super::shot::{Shot, is_scaled};
-use super::{Dataset, DepthMap, Error, Layout, LoadOptions, NamedCamera, View, files, transforms};
+use super::{Dataset, DepthMap, Error, Layout, LoadOptions, NamedCamera, Photograph, files, transforms};
 use strivec_format::geometry::Camera;
+use strivec_format::{Invalid, Place};
 
 /// Bytes of a pixel in memory: as stored, and averaged or of more than 8 bits.
 const PIXEL_BYTES: (u64, u64) = (4, 16);
@@ -172,10 +173,10 @@ fn fitted<'a>(
         .collect();
     let headers = headers.into_iter().collect::<Result<Vec<_>, _>>()?;
     check_sizes(shots.iter().zip(&headers).filter_map(|(shot, header)| Some((*shot, (*header)?))))?;
-    let like = headers.iter().flatten().next().map(Header::turned_size).or(size);
+    let like = headers.iter().flatten().next().map(PictureHeader::turned_size).or(size);
     (shots.iter().zip(headers))
         .map(|(shot, header)| {
-            let header = header.or(shot.intrinsics.size.or(like).map(Header::upright));
+            let header = header.or(shot.intrinsics.size.or(like).map(PictureHeader::upright));
             let header = header.ok_or_else(|| Error::UnknownSize { path: listing.to_path_buf() })?;
             Fitted::new(shot, header, listing, options.downscale)
         })
@@ -183,11 +184,11 @@ fn fitted<'a>(
 }
 
 /// Checks that pictures whose size is not in the layout's files have one size.
-fn check_sizes<'a>(pictures: impl Iterator<Item = (&'a Shot, Header)>) -> Result<(), Error> {
+fn check_sizes<'a>(pictures: impl Iterator<Item = (&'a Shot, PictureHeader)>) -> Result<(), Error> {
     let mut unsized_pictures = pictures.filter(|(shot, _)| shot.intrinsics.size.is_none());
-    let Some((first, Header { size: expected, .. })) = unsized_pictures.next() else { return Ok(()) };
+    let Some((first, PictureHeader { size: expected, .. })) = unsized_pictures.next() else { return Ok(()) };
     match unsized_pictures.find(|(_, header)| header.size != expected) {
-        Some((shot, Header { size: found, .. })) => {
+        Some((shot, PictureHeader { size: found, .. })) => {
             let (path, like) = (shot.picture.clone(), first.picture.clone());
             Err(Error::PictureSize { path, expected, like, found })
         }
@@ -196,7 +197,7 @@ fn check_sizes<'a>(pictures: impl Iterator<Item = (&'a Shot, Header)>) -> Result
 }
 
 impl<'a> Fitted<'a> {
-    fn new(shot: &'a Shot, header: Header, listing: &Path, downscale: u32) -> Result<Self, Error> {
+    fn new(shot: &'a Shot, header: PictureHeader, listing: &Path, downscale: u32) -> Result<Self, Error> {
         let (stored, turned) = (header.size, header.turned_size());
         // Intrinsics of some programs are for the picture as stored, of others for the turned one.
         let (is_turned, size) = match shot.intrinsics.size {
@@ -221,7 +222,7 @@ impl<'a> Fitted<'a> {
         pixels * if is_exact { PIXEL_BYTES.0 } else { PIXEL_BYTES.1 }
     }
 
-    fn view(&self) -> Result<View, Error> {
+    fn view(&self) -> Result<Photograph, Error> {
         let &Self { shot, is_turned, size, factor, camera, .. } = self;
         let pixels = picture::load(&shot.picture, is_turned, factor)?;
         let mask = shot.mask.as_ref().map(|mask| picture::load_mask(mask, is_turned, size, factor)).transpose()?;
@@ -229,7 +230,7 @@ impl<'a> Fitted<'a> {
             (Some(mask), Some(seen)) => Some(mask.into_iter().zip(seen).map(|(a, b)| a && b).collect()),
             (mask, seen) => mask.or(seen),
         };
-        Ok(View { name: shot.name.clone(), camera, pixels, mask, distances: Vec::new() })
+        Ok(Photograph { name: shot.name.clone(), camera, pixels, mask, distances: Vec::new() })
     }
 }
 
@@ -237,7 +238,9 @@ impl<'a> Fitted<'a> {
 fn downscaled(camera: Camera, factor: u32, listing: &Path) -> Result<Camera, Error> {
     let size = [camera.width, camera.height];
     if factor == 0 || size.iter().any(|&extent| extent < factor) {
-        return Err(Error::Downscale { path: listing.to_path_buf(), factor, size });
+        let expected = format_args!("1 to {}", size[0].min(size[1]));
+        let invalid = Invalid::new(Place::option("downscale"), expected, factor);
+        return Err(Error::Downscale { path: listing.to_path_buf(), invalid });
     }
     Ok(camera.downscaled(factor))
 }

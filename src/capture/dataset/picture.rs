@@ -21,7 +21,7 @@ const HEAD_BYTES: u64 = 256 << 10;
 
 /// A picture's size and orientation, from its header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Header {
+pub(super) struct PictureHeader {
     /// Columns and rows as stored.
     pub(super) size: [u32; 2],
     /// How to turn the stored picture so that up is up.
@@ -30,7 +30,7 @@ pub(super) struct Header {
     pub(super) is_deep: bool,
 }
 
-impl Header {
+impl PictureHeader {
     /// The header of a picture of `size` that is upright.
     pub(super) fn upright(size: [u32; 2]) -> Self {
         Self { size, orientation: Orientation::NoTransforms, is_deep: false }
@@ -48,14 +48,14 @@ impl Header {
 }
 
 /// The header of the picture at `path`. Reads the beginning of the file, or all of it if that is not enough.
-pub(super) fn header(path: &Path) -> Result<Header, Error> {
+pub(super) fn header(path: &Path) -> Result<PictureHeader, Error> {
     let mut head = Vec::new();
     let file = File::open(path).map_err(Error::read(path))?;
     file.take(HEAD_BYTES).read_to_end(&mut head).map_err(Error::read(path))?;
     let header = |bytes: &[u8]| {
         let mut decoder = decoder(path, bytes)?;
         let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-        Ok(Header { size: decoder.dimensions().into(), orientation, is_deep: is_deep(decoder.color_type()) })
+        Ok(PictureHeader { size: decoder.dimensions().into(), orientation, is_deep: is_deep(decoder.color_type()) })
     };
     match header(&head) {
         Err(_) if head.len() as u64 == HEAD_BYTES => {

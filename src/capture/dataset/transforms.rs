@@ -33,7 +33,7 @@ const NGP_CENTER: DVec3 = DVec3::splat(0.5);
 struct Transforms {
     #[serde(flatten)]
     camera: CameraKeys,
-    frames: Vec<Frame>,
+    frames: Vec<FrameEntry>,
     mask_path: Option<String>,
     ply_file_path: Option<String>,
     integer_depth_scale: Option<f64>,
@@ -46,7 +46,7 @@ struct Transforms {
 }
 
 #[derive(Deserialize)]
-struct Frame {
+struct FrameEntry {
     file_path: String,
     /// Rows of `world_from_camera`; the last may be missing.
     transform_matrix: Vec<[f64; 4]>,
@@ -141,7 +141,7 @@ impl Transforms {
         json: &Path,
         folder: &Path,
         n: usize,
-        frame: &Frame,
+        frame: &FrameEntry,
         split: Option<Split>,
         downscale: u32,
     ) -> Result<Shot, Error> {
@@ -150,17 +150,14 @@ impl Transforms {
         let mask = mask.map(|mask| inside_folder(json, folder, "mask_path", mask)).transpose()?;
         let intrinsics = frame.camera.or(&self.camera).intrinsics(json, &format!("frame {n}"))?;
         let mut rows = [[0.0, 0.0, 0.0, 1.0]; 4];
+        let place = || format!("frame {n}: transform_matrix");
         if !(3..=4).contains(&frame.transform_matrix.len()) {
             let found = format!("{} of them", frame.transform_matrix.len());
-            return Err(Error::Pose { path: json.to_path_buf(), frame: n, expected: "3 or 4 rows", found });
+            return Err(Error::text(json, place(), "3 or 4 rows", found));
         }
         rows.iter_mut().zip(&frame.transform_matrix).for_each(|(row, found)| *row = *found);
-        let (world_from_camera, position) = rigid(&rows).map_err(|NotRigid { expected, found }| Error::Pose {
-            path: json.to_path_buf(),
-            frame: n,
-            expected,
-            found,
-        })?;
+        let (world_from_camera, position) =
+            rigid(&rows).map_err(|NotRigid { expected, found }| Error::text(json, place(), expected, found))?;
         let split = split.or_else(|| self.split_of(&frame.file_path));
         Ok(Shot { name, picture, reduced, mask, intrinsics, world_from_camera, position, split })
     }
@@ -199,7 +196,8 @@ fn picture_of(
     file_path: &str,
     downscale: u32,
 ) -> Result<(String, PathBuf, u32), Error> {
-    let refused = || Error::FilePath { path: json.to_path_buf(), frame: n, found: file_path.to_owned() };
+    let refused =
+        || Error::text(json, format!("frame {n}: file_path"), "the path of a file", format_args!("{file_path:?}"));
     if file_path.ends_with(['/', '\\']) {
         return Err(refused());
     }

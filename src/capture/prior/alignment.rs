@@ -6,6 +6,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::{CameraBounds, SparseVoxelTree, VoxelBoxes};
+use strivec_format::OptionName;
 use strivec_format::geometry::{Aabb, Camera, Ray};
 use strivec_format::model::UpAxis;
 
@@ -175,7 +176,7 @@ impl fmt::Display for AlignmentHint {
         if self.up != UpAxis::Z {
             let up = self.up.name();
             causes.push(format!("the prior's {up} axis seems to be up where the dataset's is z"));
-            cures.push(format!("`up` {up}"));
+            cures.push(format!("{} {up}", OptionName("up")));
         }
         if self.quarter_turns > 0 {
             causes.push(format!("it seems to need a turn of {} degrees about z", 90 * self.quarter_turns));
@@ -186,7 +187,7 @@ impl fmt::Display for AlignmentHint {
         }
         if let Some((scale, unit)) = UNITS.iter().find(|(scale, _)| *scale == self.scale) {
             causes.push(format!("its unit seems to be {unit}"));
-            cures.push(format!("`scale` {scale}"));
+            cures.push(format!("{} {scale}", OptionName("scale")));
         }
         if self.shift != DVec3::ZERO {
             let DVec3 { x, y, z } = self.shift;

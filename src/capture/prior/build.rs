@@ -8,8 +8,9 @@ use std::path::PathBuf;
 
 use glam::{DAffine3, DVec3, IVec3, Vec3};
 
+use super::NoCells;
 use super::holes::filled;
-use super::morphology::Runs;
+use super::morphology::CellRuns;
 use super::outliers::{Outliers, inliers};
 use super::overlap::{Convex, Parallelepiped, Triangle};
 use super::survey::{Survey, keeps_upright};
@@ -120,7 +121,7 @@ pub fn build(
 ) -> Result<Built, BuildError> {
     options.check()?;
     let passes = if options.voxel.is_some() { 1 } else { 2 };
-    let mut run = Run { files, options, progress, passes, passed: 0 };
+    let mut run = BuildRun { files, options, progress, passes, passed: 0 };
     let (lattice, kept) = match options.voxel {
         Some(edge) => (Lattice { origin: DVec3::ZERO, pitch: DVec3::splat(edge) }, None),
         None => {
@@ -160,7 +161,7 @@ impl BuildOptions {
 }
 
 /// The passes over all files.
-struct Run<'a> {
+struct BuildRun<'a> {
     files: &'a [PathBuf],
     options: &'a BuildOptions,
     progress: &'a mut dyn FnMut(BuildProgress) -> ControlFlow<()>,
@@ -168,7 +169,7 @@ struct Run<'a> {
     passed: usize,
 }
 
-impl Run<'_> {
+impl BuildRun<'_> {
     fn pass(&mut self, shapes: &mut dyn Shapes) -> Result<(), BuildError> {
         for file in self.files {
             let at = BuildProgress { file: self.passed, files: self.files.len() * self.passes, done: 0, total: 0 };
@@ -261,7 +262,7 @@ impl FirstPass {
     }
 
     /// The lattice, and for each point within the crop whether it is kept.
-    fn finish(mut self, run: &Run<'_>) -> Result<(Lattice, Option<Vec<bool>>), BuildError> {
+    fn finish(mut self, run: &BuildRun<'_>) -> Result<(Lattice, Option<Vec<bool>>), BuildError> {
         let kept = match (&self.searched, &run.options.outliers) {
             (Some(searched), Some(rule)) => {
                 let kept = inliers(searched, rule);
@@ -397,21 +398,10 @@ impl<'a> Filling<'a> {
         let cells = self.voxels.into_cells(self.options.min_points);
         let runs = reshaped(&cells, self.options, self.lattice.pitch)?;
         let Some(boxes) = boxes_of(&self.lattice, runs.cells()) else {
-            let why = match all {
-                0 => format!(
-                    ": {} points ({} of them outliers), {} triangles, {} cells of grids; left out: {} withheld and {} \
-                     noise points, {} splats of low opacity",
-                    self.counts.points,
-                    self.counts.outliers,
-                    self.counts.triangles,
-                    self.counts.cells,
-                    self.counts.withheld,
-                    self.counts.noise,
-                    self.counts.transparent
-                ),
-                _ => format!(": none of {all} cells has {} points, the value of `min_points`", self.options.min_points),
-            };
-            return Err(BuildError::Nothing { why });
+            return Err(BuildError::Nothing(match all {
+                0 => NoCells::LeftOut(self.counts),
+                cells => NoCells::FewPoints { cells, min_points: self.options.min_points },
+            }));
         };
         let colors = self.colored.then(|| colors_of(&cells, runs.cells()));
         Ok(Built { boxes, colors, counts: self.counts })
@@ -465,18 +455,14 @@ impl Shapes for Filling<'_> {
 }
 
 /// Fills holes, then grows the cells.
-fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: DVec3) -> Result<Runs, BuildError> {
-    let too_large = |name, length: f64| Error::Option {
-        name,
-        expected: "a radius of fewer cells (choose a smaller one, a larger `voxel`, or a `crop`)",
-        found: format!("{length}, which is {:.0} cells", length / pitch.min_element()),
-    };
+fn reshaped(cells: &[(IVec3, Option<[u8; 3]>)], options: &BuildOptions, pitch: DVec3) -> Result<CellRuns, BuildError> {
+    let too_large = |name, length: f64| Error::TooWide { name, length, cells: length / pitch.min_element() };
     let shortest = pitch.min_element();
-    let mut runs = Runs::of_cells(cells.iter().map(|(cell, _)| *cell));
+    let mut runs = CellRuns::of_cells(cells.iter().map(|(cell, _)| *cell));
     if options.close >= shortest {
         let cells: Vec<_> = runs.cells().collect();
         let filled = filled(&cells, options.close / shortest, pitch / shortest);
-        runs = Runs::of_cells(filled.ok_or_else(|| too_large("close", options.close))?.into_iter());
+        runs = CellRuns::of_cells(filled.ok_or_else(|| too_large("close", options.close))?.into_iter());
     }
     let radius = options.dilate / pitch;
     if radius.max_element() >= 1.0 {

@@ -15,10 +15,10 @@ const FREE_SHARE: f64 = 0.85;
 
 /// The distances up to which the cameras see through free space.
 #[derive(Debug)]
-pub(super) struct FreeSpace(Vec<View>);
+pub(super) struct FreeSpace(Vec<TiledCamera>);
 
 #[derive(Debug)]
-struct View {
+struct TiledCamera {
     camera: Camera,
     /// Edge of a tile in pixels.
     tile: f64,
@@ -35,7 +35,7 @@ impl FreeSpace {
         let centers = points.boxes().map(|cell| cell.center());
         let places: Vec<DVec3> = centers.map(|at| contraction.map_or(at, |c| c.expand(at))).collect();
         let slack = points.lattice.pitch.length();
-        Self(cameras.iter().map(|camera| View::new(camera, &places, slack)).collect())
+        Self(cameras.iter().map(|camera| TiledCamera::new(camera, &places, slack)).collect())
     }
 
     /// True if any camera sees through `point`.
@@ -47,7 +47,7 @@ impl FreeSpace {
     }
 }
 
-impl View {
+impl TiledCamera {
     fn new(camera: &Camera, points: &[DVec3], slack: f64) -> Self {
         let tile = f64::from(camera.width.max(camera.height)) / f64::from(TILES);
         let [columns, rows] = [camera.width, camera.height].map(|n| (f64::from(n) / tile).ceil() as usize);

@@ -18,7 +18,7 @@ pub(super) const MAX_BLOCK: u64 = 1 << 27;
 const FAR: f32 = 1e30;
 
 /// A box of cells, x fastest.
-struct Block {
+struct CellBlock {
     first: IVec3,
     size: [usize; 3],
     /// Edge lengths of a cell over the shortest one.
@@ -38,7 +38,7 @@ pub(super) fn filled(cells: &[IVec3], radius: f64, aspect: DVec3) -> Option<Vec<
     let (least, most) = (least.as_i64vec3() - margin.as_i64vec3(), most.as_i64vec3() + margin.as_i64vec3());
     let size = (most - least + 1).to_array();
     let count = size.iter().try_fold(1_u64, |all, &n| all.checked_mul(n as u64)).filter(|&n| n <= MAX_BLOCK)?;
-    let block = Block { first: least.as_ivec3(), size: size.map(|n| n as usize), aspect };
+    let block = CellBlock { first: least.as_ivec3(), size: size.map(|n| n as usize), aspect };
 
     let mut distances = vec![FAR; count as usize];
     cells.iter().for_each(|&cell| distances[block.index(cell)] = 0.0);
@@ -58,7 +58,7 @@ pub(super) fn filled(cells: &[IVec3], radius: f64, aspect: DVec3) -> Option<Vec<
     Some((0..count as usize).filter(kept).map(|n| block.cell(n)).collect())
 }
 
-impl Block {
+impl CellBlock {
     fn index(&self, cell: IVec3) -> usize {
         let [x, y, z] = (cell - self.first).to_array().map(|v| v as usize);
         (z * self.size[1] + y) * self.size[0] + x
@@ -176,7 +176,7 @@ mod tests {
 
     #[test]
     fn distances_are_those_of_a_search_through_all() {
-        let block = Block { first: IVec3::new(-3, 2, 0), size: [9, 7, 8], aspect: DVec3::new(1.0, 1.5, 2.0) };
+        let block = CellBlock { first: IVec3::new(-3, 2, 0), size: [9, 7, 8], aspect: DVec3::new(1.0, 1.5, 2.0) };
         let random = Random::new(0, "holes");
         for some in [1_u64, 5, 60] {
             let set: Vec<usize> = (0..some).map(|i| (random.substream(some).uniform(i) * 504.0) as usize).collect();

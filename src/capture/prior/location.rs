@@ -11,7 +11,7 @@ use super::stereo::{Matches, matches};
 use super::survey::Survey;
 use super::voxels::boxes_of;
 use super::{BuildError, BuildOptions, Built, Outliers, VoxelBoxes, build};
-use crate::dataset::View;
+use crate::dataset::Photograph;
 use strivec_format::geometry::{Aabb, Camera};
 
 /// The rule for outliers among the sparse points of structure from motion.
@@ -65,7 +65,7 @@ pub fn locate(
 /// Matches points between opaque photographs with known poses (`stereo.rs`), and sets the views' distances to them. Of
 /// many photographs, some are compared with all. Returns the points, in the dataset's space, which may be far away in a
 /// scene that `is_unbounded`.
-pub fn match_points(views: &mut [View], is_unbounded: bool) -> Vec<DVec3> {
+pub fn match_points(views: &mut [Photograph], is_unbounded: bool) -> Vec<DVec3> {
     let Matches { points, distances } = matches(views, MATCHED_VIEWS, is_unbounded);
     views.iter_mut().zip(distances).for_each(|(view, distances)| view.distances = distances);
     points
@@ -86,7 +86,7 @@ fn cells_of(path: PathBuf, outliers: Option<Outliers>) -> Result<Option<VoxelBox
     let options = BuildOptions { outliers, ..BuildOptions::default() };
     match build(&[path], &options, &mut |_| ControlFlow::Continue(())) {
         Ok(Built { boxes, .. }) => Ok(Some(boxes)),
-        Err(BuildError::Nothing { .. } | BuildError::OnePlace { .. }) => Ok(None),
+        Err(BuildError::Nothing(_) | BuildError::OnePlace { .. }) => Ok(None),
         Err(error) => Err(error),
     }
 }

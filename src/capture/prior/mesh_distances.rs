@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::dataset::View;
+use crate::dataset::Photograph;
 use crate::geometry;
 use strivec_format::geometry::{Aabb, Camera, Projection, Ray};
 use strivec_import::{Fault, ImportError, Point, ReadOptions, Visitor};
@@ -22,8 +22,8 @@ const EDGE: f32 = 0.1;
 /// # Errors
 ///
 /// The errors of [`import::read`].
-pub fn mesh_distances(path: &Path, views: &mut [View]) -> Result<Option<f64>, ImportError> {
-    let mut mesh = Mesh::default();
+pub fn mesh_distances(path: &Path, views: &mut [Photograph]) -> Result<Option<f64>, ImportError> {
+    let mut mesh = FileTriangles::default();
     geometry::read(path, &ReadOptions::default(), &mut mesh)?;
     if mesh.triangles.is_empty() {
         return Ok(Some(0.0));
@@ -45,11 +45,11 @@ pub fn mesh_distances(path: &Path, views: &mut [View]) -> Result<Option<f64>, Im
 
 /// The triangles of a file, as long as they are not too many.
 #[derive(Default)]
-struct Mesh {
+struct FileTriangles {
     triangles: Vec<[Vec3; 3]>,
 }
 
-impl Visitor for Mesh {
+impl Visitor for FileTriangles {
     fn point(&mut self, _point: Point) -> Result<(), Fault> {
         Ok(())
     }
@@ -132,7 +132,7 @@ mod tests {
     use crate::dataset::Pixels;
 
     /// A view from 4 units above the square \[−1, 1\]² at height 0, over one of 8 units at height −2.
-    fn seen() -> (tempfile::TempDir, View) {
+    fn seen() -> (tempfile::TempDir, Photograph) {
         let folder = tempfile::tempdir().unwrap();
         let square = |half: f64, z: f64| {
             [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
@@ -142,7 +142,7 @@ mod tests {
             [square(1.0, 0.0).concat(), square(4.0, -2.0).concat()].concat() + "f 1 2 3\nf 1 3 4\nf 5 6 7\nf 5 7 8\n";
         std::fs::write(folder.path().join("mesh.obj"), text).unwrap();
         let camera = Camera::looking_at([40, 40], 40.0, DVec3::new(0.0, 0.0, 4.0), DVec3::ZERO, DVec3::Y);
-        (folder, View::new("a", camera, Pixels::opaque(vec![[0.0; 3]; 1600])))
+        (folder, Photograph::new("a", camera, Pixels::opaque(vec![[0.0; 3]; 1600])))
     }
 
     #[test]
@@ -152,7 +152,7 @@ mod tests {
         views[0].distances = vec![0.0; 1600];
         views[0].distances[20 * 40 + 20] = 1.5;
         let share = mesh_distances(&folder.path().join("mesh.obj"), &mut views).unwrap().unwrap();
-        let View { camera, distances, .. } = &views[0];
+        let Photograph { camera, distances, .. } = &views[0];
         assert_eq!(distances[20 * 40 + 20], 1.5, "what is known stays");
         let mut edges = 0;
         for (n, ray) in camera.rays(0..40).map(Option::unwrap).enumerate().filter(|(n, _)| *n != 20 * 40 + 20) {

@@ -33,7 +33,7 @@ pub use build::{BuildOptions, BuildProgress, Built, Counts, build};
 pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};
 pub use coarse::{CoarseOptions, CoarseProgress};
 pub use coarse::{check_views, frusta_within, near_and_far};
-pub use error::{BuildError, Error};
+pub use error::{BuildError, Error, NoCells, Remedy};
 pub use file::to_npz;
 pub use location::{Location, cells_around, locate, match_points};
 pub use mesh_distances::{MAX_TRIANGLES, mesh_distances};

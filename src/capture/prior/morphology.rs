@@ -10,7 +10,7 @@ use glam::{DVec3, IVec3};
 
 /// Cells as runs along x: (z, y) to sorted runs (first, last) that do not touch.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Runs(BTreeMap<(i32, i32), Vec<(i32, i32)>>);
+pub(super) struct CellRuns(BTreeMap<(i32, i32), Vec<(i32, i32)>>);
 
 /// (dy, dz, half length) of each row of a ball.
 fn ball(radius: DVec3) -> Vec<(i32, i32, i32)> {
@@ -28,7 +28,7 @@ fn ball(radius: DVec3) -> Vec<(i32, i32, i32)> {
     rows
 }
 
-impl Runs {
+impl CellRuns {
     /// The runs of `cells`, which ascend by (z, y, x).
     pub(super) fn of_cells(cells: impl Iterator<Item = IVec3>) -> Self {
         let mut rows: BTreeMap<_, Vec<(i32, i32)>> = BTreeMap::new();
@@ -90,11 +90,11 @@ mod tests {
 
     type Cells = BTreeSet<[i32; 3]>;
 
-    fn runs(cells: &Cells) -> Runs {
-        Runs::of_cells(cells.iter().map(|&[z, y, x]| IVec3::new(x, y, z)))
+    fn runs(cells: &Cells) -> CellRuns {
+        CellRuns::of_cells(cells.iter().map(|&[z, y, x]| IVec3::new(x, y, z)))
     }
 
-    fn cells(runs: &Runs) -> Cells {
+    fn cells(runs: &CellRuns) -> Cells {
         runs.cells().map(|c| [c.z, c.y, c.x]).collect()
     }
 

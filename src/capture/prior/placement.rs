@@ -7,6 +7,7 @@
 use glam::{DVec3, UVec3};
 use serde::{Deserialize, Serialize};
 
+use super::Remedy;
 use super::{Error, VoxelBoxes};
 use strivec_format::geometry::{Aabb, Lattice};
 use strivec_format::model::{Placement, TensorCloud};
@@ -109,11 +110,7 @@ fn rasterize(
     }
     let origin = boxes.clone().fold(Aabb::EMPTY, |all, b| all.union(&b)).min;
     let lattice = Lattice { origin, pitch: shape.pitch.into() };
-    let too_many = || Error::TooManyCells {
-        pitch: shape.pitch,
-        limit: MAX_VISITS,
-        remedy: "map the scene to model units, or use a larger pitch",
-    };
+    let too_many = || Error::TooManyCells { pitch: shape.pitch, limit: MAX_VISITS, remedy: Remedy::LargerPitch };
     let mut visits = 0_u64;
     for b in boxes.clone() {
         let (first, last) = touched(&lattice, &b).ok_or_else(too_many)?;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use glam::{DAffine3, DVec3};
 
+use super::NoCells;
 use super::overlap::{Convex, Parallelepiped, Triangle};
 use super::{BuildError, coarse};
 use strivec_format::geometry::{Aabb, Lattice};
@@ -107,12 +108,11 @@ impl Survey {
     pub(super) fn lattice(mut self, files: &[PathBuf]) -> Result<Lattice, BuildError> {
         let whole = self.points.union(&self.solids);
         if whole.min.cmpgt(whole.max).any() {
-            let why = if self.all.min.cmple(self.all.max).all() {
-                format!(" within the `crop`: the geometry of the files spans {} to {}", self.all.min, self.all.max)
-            } else {
-                String::new()
-            };
-            return Err(BuildError::Nothing { why });
+            let has_geometry = self.all.min.cmple(self.all.max).all();
+            return Err(BuildError::Nothing(match has_geometry {
+                true => NoCells::Cropped { bounds: self.all },
+                false => NoCells::NoGeometry,
+            }));
         }
         if let Some((corner, pitch)) = self.grid.filter(|_| self.all_grid) {
             return Ok(Lattice { origin: corner, pitch });

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use glam::{DVec3, I64Vec3, IVec3, UVec3, Vec3};
 
+use super::Remedy;
 use super::overlap::{Convex, Octahedron, Triangle, meets};
 use super::{BuildError, Error, VoxelBoxes};
 use strivec_format::geometry::{Aabb, Lattice};
@@ -287,7 +288,7 @@ impl Voxels {
 
 /// The error that cells of edges `pitch` are more than [`MAX_CELLS`].
 pub(super) fn too_many_cells(pitch: DVec3) -> Error {
-    Error::TooManyCells { pitch: pitch.into(), limit: MAX_CELLS, remedy: "choose a larger `voxel`, or a `crop`" }
+    Error::TooManyCells { pitch: pitch.into(), limit: MAX_CELLS, remedy: Remedy::FewerCells }
 }
 
 /// `cells` of `lattice`, ascending by (z, y, x), as boxes on a lattice whose origin is their smallest corner.

@@ -52,7 +52,7 @@ impl Config {
     /// # Ok::<(), strivec_import::Fault>(())
     /// ```
     pub fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
-        let entries = Entries::read(input)?;
+        let entries = ConfigEntries::read(input)?;
         entries.check_expressible()?;
         let top_k = if entries.has("rot_max_tensoRF") { "rot_max_tensoRF" } else { "max_tensoRF" };
         let reduction = |mean| if mean { Reduction::Mean } else { Reduction::Sum };
@@ -81,9 +81,9 @@ impl Config {
 }
 
 /// Names and values with their lines. Of a name that occurs more than once, the last value counts.
-struct Entries(HashMap<String, (usize, String)>);
+struct ConfigEntries(HashMap<String, (usize, String)>);
 
-impl Entries {
+impl ConfigEntries {
     fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
         Fault::unless_within("bytes of a configuration", MAX_BYTES, input.left())?;
         let mut bytes = vec![0; input.left() as usize];
@@ -222,10 +222,10 @@ mod tests {
             ),
             (
                 "local_range = [1, 2]",
-                "local_range of the configuration: expected three positive numbers for each scale, found [1.0, 2.0]",
+                "local_range of the configuration must be three positive numbers for each scale; found [1.0, 2.0]",
             ),
-            ("\nmax_tensoRF = [a]", "line 2, max_tensoRF: expected finite numbers, found \"[a]\""),
-            ("unit_lvl = 0.5", "unit_lvl of the configuration: expected a whole number from 0 on, found 0.5"),
+            ("\nmax_tensoRF = [a]", "line 2, max_tensoRF must be finite numbers; found \"[a]\""),
+            ("unit_lvl = 0.5", "unit_lvl of the configuration must be a whole number from 0 on; found 0.5"),
         ] {
             assert_eq!(config(text).unwrap_err().to_string(), error);
         }

@@ -136,15 +136,15 @@ fn voxel_centers(points: &[DVec3], scale: usize, config: &Config) -> Result<Vec<
 ///
 /// If it cannot be read, breaks its format, or holds triangles or cells.
 pub fn read_points(path: &Path) -> Result<Vec<DVec3>, ImportError> {
-    let mut points = Points(Vec::new());
+    let mut points = RoundedPoints(Vec::new());
     import::read(path, &ReadOptions::default(), &mut points)?;
     Ok(points.0)
 }
 
 /// The positions of points, rounded to 32 bits as in the program.
-struct Points(Vec<DVec3>);
+struct RoundedPoints(Vec<DVec3>);
 
-impl Visitor for Points {
+impl Visitor for RoundedPoints {
     fn point(&mut self, point: Point) -> Result<(), Fault> {
         Fault::unless_within("points", MAX_POINTS, self.0.len() as u64 + 1)?;
         self.0.push(point.position.as_vec3().as_dvec3());

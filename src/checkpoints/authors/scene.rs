@@ -6,8 +6,8 @@ use super::config::Config;
 use super::places::Places;
 use crate::family;
 use crate::family::{MAX_CELLS, MAX_RANK, SceneOptions};
-use crate::state::{Array, State};
-use crate::torch::Checkpoint;
+use crate::state::{CheckpointArray, CheckpointState};
+use crate::torch::TorchFile;
 use strivec_format::model::{
     Aggregation, AppearanceMatrix, Block, Factors, Form, Placement, Provenance, Rules, Scale, Scene, TensorCloud,
 };
@@ -38,10 +38,10 @@ pub enum Model {
 ///
 /// If the file is not a checkpoint with settings and parameters.
 pub fn model(input: &mut Input<'_>) -> Result<Option<Model>, Fault> {
-    Ok(model_of(&State::new(Checkpoint::open(input)?)?))
+    Ok(model_of(&CheckpointState::new(TorchFile::open(input)?)?))
 }
 
-fn model_of(state: &State<'_, '_>) -> Option<Model> {
+fn model_of(state: &CheckpointState<'_, '_>) -> Option<Model> {
     state.has("basis_mat.0.weight").then(|| if state.has("density_plane.0") { Model::Vm } else { Model::Cp })
 }
 
@@ -52,7 +52,7 @@ fn model_of(state: &State<'_, '_>) -> Option<Model> {
 ///
 /// If a file is damaged, the files contradict each other, or they hold what a scene cannot express.
 pub fn read(input: &mut Input<'_>, config: &Config, places: &Places, options: &SceneOptions) -> Result<Scene, Fault> {
-    let mut state = State::new(Checkpoint::open(input)?)?;
+    let mut state = CheckpointState::new(TorchFile::open(input)?)?;
     let names = || Fault::malformed("the keys of state_dict", "basis_mat.0.weight", state.parameter_names());
     let model = model_of(&state).ok_or_else(names)?;
     for (name, what) in
@@ -98,21 +98,21 @@ pub fn read(input: &mut Input<'_>, config: &Config, places: &Places, options: &S
             tool: "the Strivec authors' program".into(),
         },
     };
-    scene.check().map_err(|e| Fault::malformed(e.place, e.expected, e.found))?;
+    scene.check()?;
     Ok(scene)
 }
 
 /// Reads scale number `scale` of `scales`, and adds the numbers of its factors to `numbers`.
 fn scale(
-    state: &mut State<'_, '_>,
+    state: &mut CheckpointState<'_, '_>,
     model: Model,
     [scale, scales]: [usize; 2],
     config: &Config,
     places: &Places,
     numbers: &mut u64,
 ) -> Result<Scale, Fault> {
-    let density = Lines::read(state, "density", scale, None)?;
-    let appearance = Lines::read(state, "app", scale, Some((density.tensors, density.vertices)))?;
+    let density = LineFactors::read(state, "density", scale, None)?;
+    let appearance = LineFactors::read(state, "app", scale, Some((density.tensors, density.vertices)))?;
     let (tensors, vertices) = (density.tensors, density.vertices);
     let (centers, half_edge) = places.of_scale([scale, scales], tensors, config)?;
     let mut order: Vec<usize> = (0..tensors).collect();
@@ -147,17 +147,17 @@ fn scale(
 }
 
 /// The vectors of a scale, of density or appearance: those along x, y and z, \[tensor\]\[component\]\[vertex\].
-struct Lines {
-    arrays: [Array; 3],
+struct LineFactors {
+    arrays: [CheckpointArray; 3],
     tensors: usize,
     rank: usize,
     vertices: [usize; 3],
 }
 
-impl Lines {
+impl LineFactors {
     /// `expected` are the number of tensors and the vertices along each axis, where known.
     fn read(
-        state: &mut State<'_, '_>,
+        state: &mut CheckpointState<'_, '_>,
         part: &str,
         scale: usize,
         expected: Option<(usize, [usize; 3])>,
@@ -176,7 +176,7 @@ impl Lines {
             }
             arrays.push(line);
         }
-        let arrays: [Array; 3] = arrays.try_into().unwrap_or_else(|_| unreachable!("three axes were read"));
+        let arrays: [CheckpointArray; 3] = arrays.try_into().unwrap_or_else(|_| unreachable!("three axes were read"));
         let [tensors, rank, _] = [0, 1, 2].map(|axis| arrays[0].shape[axis]);
         let vertices = [0, 1, 2].map(|axis| arrays[axis].shape[2]);
         Ok(Self { arrays, tensors, rank, vertices })
@@ -200,7 +200,7 @@ impl Lines {
     /// Products of a vector and a matrix, of the tensors in `order`. Along each axis, components whose vectors are zero are left out.
     fn vm(
         &self,
-        state: &mut State<'_, '_>,
+        state: &mut CheckpointState<'_, '_>,
         part: &str,
         scale: usize,
         sharing: u32,
@@ -275,7 +275,7 @@ impl Components {
 
     /// The appearance matrix. With products of a vector and a matrix, columns belong to the sums of a component over the axes, or
     /// to the components of x, then of y and of z, by their number.
-    fn matrix(&self, weights: &Array, place: &str) -> Result<AppearanceMatrix, Fault> {
+    fn matrix(&self, weights: &CheckpointArray, place: &str) -> Result<AppearanceMatrix, Fault> {
         let [features, columns] = [weights.shape[0], weights.shape[1]];
         Fault::unless_within("features", MAX_FEATURES, features as u64)?;
         let stride = match columns {

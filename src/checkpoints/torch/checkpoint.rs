@@ -13,7 +13,7 @@ const MAX_PICKLE: u64 = 1 << 26;
 const MAX_HELD: u64 = 1 << 24;
 
 /// A checkpoint.
-pub(crate) struct Checkpoint<'a, 'b> {
+pub(crate) struct TorchFile<'a, 'b> {
     archive: Archive<'a, 'b>,
     /// Folder in the archive, with a slash.
     folder: String,
@@ -21,7 +21,7 @@ pub(crate) struct Checkpoint<'a, 'b> {
     pub(crate) pickle: Pickle,
 }
 
-impl<'a, 'b> Checkpoint<'a, 'b> {
+impl<'a, 'b> TorchFile<'a, 'b> {
     /// Reads the pickle of `input`.
     ///
     /// # Errors
@@ -86,7 +86,7 @@ impl<'a, 'b> Checkpoint<'a, 'b> {
             let skipped = tensor.offset * width;
             let passed = std::io::copy(&mut bytes.by_ref().take(skipped), &mut std::io::sink());
             if passed.map_err(|e| reading(&name, e))? != skipped {
-                return Err(Fault::invalid(name, "it ends early"));
+                return Err(Fault::broken(name, "it ends early"));
             }
             header(count).for_each(&mut bytes, |n, value| visit(n, value_of(value)))?;
             return if tensor.offset + count == storage.count { check_end_of(&mut bytes, &name) } else { Ok(()) };

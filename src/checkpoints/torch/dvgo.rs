@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::checkpoint::Checkpoint;
+use super::checkpoint::TorchFile;
 use super::pickle::Id;
 use strivec_format::geometry::Aabb;
 use strivec_import::grid::{At, Density, Grid, Order, three_axes};
@@ -20,11 +20,11 @@ const REPORT_EVERY: u64 = 1 << 20;
 
 /// Passes the occupied voxels to `visitor`.
 pub(super) fn read(
-    checkpoint: &mut Checkpoint<'_, '_>,
+    checkpoint: &mut TorchFile<'_, '_>,
     options: &ReadOptions,
     visitor: &mut dyn Visitor,
 ) -> Result<(), Fault> {
-    let parts = Parts::of(checkpoint)?;
+    let parts = DvgoParts::of(checkpoint)?;
     let density = parts.density(checkpoint)?;
     let activation = parts.activation(checkpoint)?;
     let corner = |name| parts.state(checkpoint, name).or_else(|| parts.setting(checkpoint, name));
@@ -38,7 +38,7 @@ pub(super) fn read(
     };
     let bounds =
         Aabb { min: checkpoint.numbers(min, "xyz_min")?.into(), max: checkpoint.numbers(max, "xyz_max")?.into() };
-    let not_a_tensor = || Fault::invalid("density", "it is not a tensor");
+    let not_a_tensor = || Fault::broken("density", "it is not a tensor");
     let tensor = checkpoint.tensor(density).ok_or_else(not_a_tensor)?.clone();
     let shape = three_axes(&tensor.shape)?;
     let grid = Grid::new(shape, Order::Xyz, At::Vertices, &bounds)?;
@@ -61,15 +61,15 @@ pub(super) fn read(
 }
 
 /// The dictionaries of a checkpoint.
-struct Parts {
+struct DvgoParts {
     state: Id,
     kwargs: Id,
     /// Settings of the mask, in the oldest checkpoints.
     mask_kwargs: Option<Id>,
 }
 
-impl Parts {
-    fn of(checkpoint: &Checkpoint<'_, '_>) -> Result<Self, Fault> {
+impl DvgoParts {
+    fn of(checkpoint: &TorchFile<'_, '_>) -> Result<Self, Fault> {
         let pickle = &checkpoint.pickle;
         let part = |name: &str| pickle.get(pickle.root, name);
         let (Some(state), Some(kwargs)) = (part("model_state_dict"), part("model_kwargs")) else {
@@ -96,17 +96,17 @@ impl Parts {
     }
 
     /// A tensor of the model.
-    fn state(&self, checkpoint: &Checkpoint<'_, '_>, name: &str) -> Option<Id> {
+    fn state(&self, checkpoint: &TorchFile<'_, '_>, name: &str) -> Option<Id> {
         checkpoint.pickle.get(self.state, name)
     }
 
     /// A setting of the model.
-    fn setting(&self, checkpoint: &Checkpoint<'_, '_>, name: &str) -> Option<Id> {
+    fn setting(&self, checkpoint: &TorchFile<'_, '_>, name: &str) -> Option<Id> {
         let of_mask = || checkpoint.pickle.get(self.mask_kwargs?, name);
         checkpoint.pickle.get(self.kwargs, name).or_else(of_mask)
     }
 
-    fn density(&self, checkpoint: &Checkpoint<'_, '_>) -> Result<Id, Fault> {
+    fn density(&self, checkpoint: &TorchFile<'_, '_>) -> Result<Id, Fault> {
         let named = self.state(checkpoint, "density.grid").or_else(|| self.state(checkpoint, "density"));
         if let Some(density) = named {
             return Ok(density);
@@ -121,7 +121,7 @@ impl Parts {
         Err(Fault::malformed("the keys of model_state_dict", "density.grid or density", found))
     }
 
-    fn activation(&self, checkpoint: &mut Checkpoint<'_, '_>) -> Result<Density, Fault> {
+    fn activation(&self, checkpoint: &mut TorchFile<'_, '_>) -> Result<Density, Fault> {
         let named = self.state(checkpoint, "act_shift").or_else(|| self.setting(checkpoint, "act_shift"));
         let shift = match (named, self.setting(checkpoint, "alpha_init")) {
             (Some(shift), _) => checkpoint.numbers::<1>(shift, "act_shift")?[0],
@@ -155,11 +155,11 @@ struct Mask {
 }
 
 impl Mask {
-    fn of(parts: &Parts, checkpoint: &mut Checkpoint<'_, '_>, grid: &Grid) -> Result<Option<Self>, Fault> {
+    fn of(parts: &DvgoParts, checkpoint: &mut TorchFile<'_, '_>, grid: &Grid) -> Result<Option<Self>, Fault> {
         let own_size = parts.state(checkpoint, "mask_cache.mask").is_some();
         let (mask, scale, shift) = if let Some(mask) = parts.state(checkpoint, "mask_cache.mask") {
             let [scale, shift] = ["mask_cache.xyz2ijk_scale", "mask_cache.xyz2ijk_shift"].map(|name| {
-                let missing = || Fault::invalid("model_state_dict", format!("the key {name} is missing"));
+                let missing = || Fault::broken("model_state_dict", format!("the key {name} is missing"));
                 parts.state(checkpoint, name).ok_or_else(missing).map(|id| (id, name))
             });
             let ((scale, scale_name), (shift, shift_name)) = (scale?, shift?);
@@ -171,7 +171,7 @@ impl Mask {
         } else {
             return Ok(None);
         };
-        let not_a_tensor = || Fault::invalid("the mask", "it is not a tensor");
+        let not_a_tensor = || Fault::broken("the mask", "it is not a tensor");
         let tensor = checkpoint.tensor(mask).ok_or_else(not_a_tensor)?.clone();
         let shape = three_axes(&tensor.shape)?;
         if !own_size && shape != grid.shape {

@@ -10,7 +10,7 @@ mod tensorf;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use self::checkpoint::Checkpoint;
+pub(crate) use self::checkpoint::TorchFile;
 pub(crate) use self::pickle::{Id, Pickle, Value};
 use strivec_import::archive::Archive;
 use strivec_import::{Fault, Input, ReadOptions, Visitor};
@@ -38,7 +38,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
         let found = format!("{:02x?}", &start[..start.len().min(8)]);
         return Err(Fault::malformed("byte 0", "a checkpoint of PyTorch 1.6 or later, a zip archive", found));
     }
-    let mut checkpoint = Checkpoint::open(input)?;
+    let mut checkpoint = TorchFile::open(input)?;
     let has = |key: &str| checkpoint.pickle.get(checkpoint.pickle.root, key).is_some();
     if has("model_state_dict") && has("model_kwargs") {
         return dvgo::read(&mut checkpoint, options, visitor);

@@ -7,14 +7,14 @@
 
 use glam::DVec3;
 
-use super::checkpoint::Checkpoint;
+use super::checkpoint::TorchFile;
 use strivec_format::geometry::Aabb;
 use strivec_import::grid::{At, Grid, Order, three_axes};
 use strivec_import::npy::Number;
 use strivec_import::{Fault, Visitor};
 
 /// Passes the boxes around set vertices to `visitor`.
-pub(super) fn read(checkpoint: &mut Checkpoint<'_, '_>, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+pub(super) fn read(checkpoint: &mut TorchFile<'_, '_>, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let part = |name: &'static str| {
         let pickle = &checkpoint.pickle;
         let missing = || Fault::malformed("the keys of the checkpoint", name, pickle.keys(pickle.root));

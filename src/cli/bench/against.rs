@@ -7,9 +7,9 @@ use serde::Serialize;
 
 use super::process::{json_of, output_of, this_build};
 use super::report;
-use crate::bench::lab::{Comparison, by_turns};
+use crate::bench::lab::{BuildComparison, by_turns};
 use crate::table::{Table, plural};
-use crate::{Error, Session};
+use crate::{Context, Error};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -67,17 +67,17 @@ struct Report<'a> {
 struct Row {
     name: String,
     #[serde(flatten)]
-    comparison: Comparison,
+    comparison: BuildComparison,
 }
 
 /// Compares and prints; fails if the limit is exceeded.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let this = this_build()?;
     let mut comparisons = Vec::new();
     for task in tasks(args) {
         session.console.say(&format!("bench: {}, {}", task.name, plural(args.rounds.into(), "round")));
         let [this, other] = by_turns(args.rounds.into(), || task.seconds(&this), || task.seconds(&args.other))?;
-        let comparison = Comparison::of(&this, &other).ok_or_else(|| Error::Runtime("no rounds".into()))?;
+        let comparison = BuildComparison::of(&this, &other).ok_or_else(|| Error::Runtime("no rounds".into()))?;
         comparisons.push(Row { name: task.name, comparison });
     }
     let report = Report { other: &args.other, comparisons };
@@ -146,7 +146,7 @@ impl Report<'_> {
     fn text(&self) -> String {
         let mut table = Table::new(["this against other", "this, ms", "other, ms", "ratio", "quartiles", "range"]);
         for row in &self.comparisons {
-            let Comparison { this, other, ratio, rounds } = &row.comparison;
+            let BuildComparison { this, other, ratio, rounds } = &row.comparison;
             let between = |[low, high]: [f64; 2]| format!("{low:.3} to {high:.3}");
             table.row([
                 row.name.clone(),
@@ -166,7 +166,7 @@ mod tests {
     use super::*;
 
     fn report(this: &[f64], other: &[f64]) -> Report<'static> {
-        let comparison = Comparison::of(this, other).unwrap();
+        let comparison = BuildComparison::of(this, other).unwrap();
         Report { other: Path::new("old"), comparisons: vec![Row { name: "step".into(), comparison }] }
     }
 

@@ -12,7 +12,7 @@ use super::{render, report};
 use crate::bench::lab::{Runs, Spread};
 use crate::table::{Table, plural};
 use crate::viewpoints::Viewpoints;
-use crate::{Error, Session, write_atomically};
+use crate::{Context, Error, write_atomically};
 use strivec_field::Field;
 use strivec_field::render::{CpuRenderer, Pixel, Renderer};
 use strivec_format::container;
@@ -62,23 +62,23 @@ impl Args {
 }
 
 /// Measures on all numbers of threads.
-pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
+pub(super) fn measure(args: &Args, session: &Context) -> Result<Report, Error> {
     let (scene, subject) = render::subject(args.file.as_ref(), &session.console)?;
     let folder = TempDir::new().map_err(|e| Error::Io(format!("cannot make a temporary folder: {e}")))?;
     let rows = args.repeats.in_each_pool(|| {
         session.console.say(&format!("bench: files, {}", plural(rayon::current_num_threads(), "thread")));
-        Rows::measure(&scene, &subject, args, &folder.path().join("scene.strivec"))
+        FileRows::measure(&scene, &subject, args, &folder.path().join("scene.strivec"))
     })?;
     Ok(Report { subject, parameters: scene.parameter_count(), rows: rows.into_iter().flatten().collect() })
 }
 
-struct Rows {
+struct FileRows {
     runs: Runs,
     threads: usize,
     rows: Vec<Row>,
 }
 
-impl Rows {
+impl FileRows {
     fn measure(scene: &Scene, subject: &str, args: &Args, path: &Path) -> Result<Vec<Row>, Error> {
         let mut rows = Self { runs: args.repeats.runs(), threads: rayon::current_num_threads(), rows: Vec::new() };
         let raw = size_of::<f32>() as u64 * scene.parameter_count();
@@ -123,7 +123,7 @@ impl Rows {
 fn first_pixel(file: &[u8]) -> Result<Pixel, container::Error> {
     let mut scene = container::decode(file)?;
     let ray = Viewpoints::first_of_orbit(&scene, [1, 1]).ray(0, 0);
-    Ok(CpuRenderer::from_field(Field::<f32>::taking(&mut scene)).trace(ray.as_slice())[0])
+    Ok(CpuRenderer::from_field(Field::<f32>::from_scene(&mut scene)).trace(ray.as_slice())[0])
 }
 
 /// Bytes of the factors that upsampling makes.

@@ -14,7 +14,7 @@ mod train;
 use clap::Subcommand;
 use serde::Serialize;
 
-use super::{Error, Session};
+use super::{Context, Error};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -54,7 +54,7 @@ struct Everything {
 }
 
 /// Runs a subcommand, or all quickly.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     match &args.what {
         Some(What::Train(args)) => session.console.result(&train::measure(args, session)?, train::Report::text),
         Some(What::Render(args)) => session.console.result(&render::measure(args, session)?, render::Report::text),

@@ -10,7 +10,7 @@ use crate::bench::lab::{Measured, MemoryMark, ball, frames};
 use crate::console::Console;
 use crate::table::plural;
 use crate::viewpoints::Viewpoints;
-use crate::{Error, Session, picture_size, scene_file};
+use crate::{Context, Error, picture_size, scene_file};
 use strivec_format::model::Scene;
 use strivec_train::TrainConfig;
 
@@ -59,7 +59,7 @@ pub(super) fn subject(file: Option<&PathBuf>, console: &Console) -> Result<(Scen
 }
 
 /// Measures on all numbers of threads.
-pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
+pub(super) fn measure(args: &Args, session: &Context) -> Result<Report, Error> {
     let (scene, name) = subject(args.file.as_ref(), &session.console)?;
     let camera = Viewpoints::first_of_orbit(&scene, args.size);
     let frames = args.repeats.in_each_pool(|| {

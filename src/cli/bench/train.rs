@@ -12,9 +12,9 @@ use crate::observer::ConsoleObserver;
 use crate::settings::Preset;
 use crate::state_file::read_state;
 use crate::table::plural;
-use crate::{Error, Session, scene_file};
+use crate::{Context, Error, scene_file};
 use strivec_capture::dataset;
-use strivec_capture::dataset::{Dataset, View};
+use strivec_capture::dataset::{Dataset, Photograph};
 use strivec_format::model::Scene;
 use strivec_train::recipe::Recipe;
 use strivec_train::{TrainConfig, Trainer};
@@ -41,7 +41,7 @@ pub(super) struct Args {
     #[arg(requires = "start")]
     dataset: Option<PathBuf>,
     #[command(flatten)]
-    start: Start,
+    start: RunStart,
     /// Resolution of the ball's tensors: after N upsamplings [default: 0 and all]
     #[arg(long, value_name = "N,N,…", value_delimiter = ',', conflicts_with = "dataset")]
     upsampled: Vec<usize>,
@@ -64,7 +64,7 @@ pub(super) struct Args {
 /// The start of a measurement on a dataset.
 #[derive(Clone, Debug, Default, clap::Args)]
 #[group(id = "start", multiple = false)]
-struct Start {
+struct RunStart {
     /// Train this scene
     #[arg(long, value_name = "FILE", requires = "dataset")]
     scene: Option<PathBuf>,
@@ -81,7 +81,7 @@ struct Start {
 pub(super) struct Report {
     subject: String,
     batch_rays: usize,
-    points: Vec<Point>,
+    points: Vec<RunPoint>,
     /// Pools of threads on which the points were measured, one after the other.
     #[serde(skip)]
     pools: usize,
@@ -89,7 +89,7 @@ pub(super) struct Report {
 
 /// A point of a run.
 #[derive(Serialize)]
-struct Point {
+struct RunPoint {
     /// The name of the point.
     name: String,
     /// \[scale\] cells of a tensor along each axis.
@@ -106,7 +106,7 @@ impl Args {
     pub(super) fn quick() -> Self {
         Self {
             dataset: None,
-            start: Start::default(),
+            start: RunStart::default(),
             upsampled: Vec::new(),
             downscale: 1,
             photographs: DatasetOptions::default(),
@@ -118,7 +118,7 @@ impl Args {
 }
 
 /// Measures all points on all numbers of threads.
-pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
+pub(super) fn measure(args: &Args, session: &Context) -> Result<Report, Error> {
     let scene = args.start.scene.as_deref().map(|path| scene_file::read(path, &session.console)).transpose()?;
     let scene = scene.map(|(scene_file, _)| scene_file.scene);
     let of_scene = scene.as_ref().map(|scene| scene.provenance.preset.as_str());
@@ -174,25 +174,25 @@ pub(super) fn measure(args: &Args, session: &Session) -> Result<Report, Error> {
 struct Subject<'a> {
     args: &'a Args,
     config: TrainConfig,
-    session: &'a Session,
+    session: &'a Context,
 }
 
 impl Subject<'_> {
     /// Measures steps that leave `scene` unchanged.
-    fn at_rest(&self, name: String, scene: Scene, views: &[View]) -> Result<Point, Error> {
+    fn at_rest(&self, name: String, scene: Scene, views: &[Photograph]) -> Result<RunPoint, Error> {
         let memory = MemoryMark::set();
         let trainer = Trainer::new(at_rest(&self.config), scene, views)?;
         self.point(name, trainer, memory)
     }
 
-    fn point(&self, name: String, mut trainer: Trainer<'_>, memory: MemoryMark) -> Result<Point, Error> {
+    fn point(&self, name: String, mut trainer: Trainer<'_>, memory: MemoryMark) -> Result<RunPoint, Error> {
         self.session.console.say(&format!("bench: training, {name}"));
         let measured = training_steps(&mut trainer, self.args.repeats.runs(), memory)?;
-        Ok(Point::new(name, &trainer.scene(), measured))
+        Ok(RunPoint::new(name, &trainer.scene(), measured))
     }
 
     /// Trains on `dataset` and measures after the steps of `--at`.
-    fn on_the_way(&self, dataset: &mut Dataset) -> Result<Vec<Point>, Error> {
+    fn on_the_way(&self, dataset: &mut Dataset) -> Result<Vec<RunPoint>, Error> {
         let memory = MemoryMark::set();
         let mut observer = ConsoleObserver::unstoppable(&self.session.console);
         let start = Recipe::new(self.config.clone()).prepare(dataset, &mut observer)?;
@@ -207,13 +207,13 @@ impl Subject<'_> {
             let name = format!("step {}", trainer.steps_done());
             self.session.console.say(&format!("bench: training, {name}"));
             let measured = training_steps(&mut trainer, self.args.repeats.runs(), memory)?;
-            points.push(Point::new(name, &trainer.scene(), measured));
+            points.push(RunPoint::new(name, &trainer.scene(), measured));
         }
         Ok(points)
     }
 }
 
-impl Point {
+impl RunPoint {
     fn new(name: String, scene: &Scene, measured: Measured) -> Self {
         Self {
             name,

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde::Serialize;
 
-use super::picture::Plan;
-use super::{DatasetOptions, Error, Session};
+use super::picture::FloorPlan;
+use super::{Context, DatasetOptions, Error};
 use crate::table::{plural, short};
 use crate::write_atomically;
 use strivec_capture::dataset;
@@ -44,7 +44,7 @@ pub(super) struct Args {
 struct Info<'a> {
     name: &'a str,
     layout: &'static str,
-    splits: Vec<Split<'a>>,
+    splits: Vec<SplitFacts<'a>>,
     /// Kinds of cameras, those of the most photographs first.
     cameras: Vec<Kind>,
     masks: usize,
@@ -52,7 +52,7 @@ struct Info<'a> {
     lost: usize,
     /// Photographs whose pictures do not exist.
     missing: &'a [PathBuf],
-    points: Option<Points<'a>>,
+    points: Option<PointFacts<'a>>,
     /// The box of the dataset's files: the smallest and the largest corner.
     bounds: Option<[[f64; 3]; 2]>,
     /// The point nearest to all optical axes, and the distances of the cameras to it: smallest, mean, largest.
@@ -63,7 +63,7 @@ struct Info<'a> {
 }
 
 #[derive(Serialize)]
-struct Split<'a> {
+struct SplitFacts<'a> {
     name: &'static str,
     photographs: usize,
     #[serde(skip)]
@@ -83,14 +83,14 @@ struct Kind {
 }
 
 #[derive(Serialize)]
-struct Points<'a> {
+struct PointFacts<'a> {
     file: &'a Path,
     /// The points' box without outliers.
     bounds: [[f64; 3]; 2],
 }
 
 /// Prints what the dataset is, and draws it.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let description = dataset::describe(&args.dataset, &args.options.load_options(1))?;
     let Description { name, layout, splits, masks, lost, missing, points, bounds } = &description;
     let cameras: Vec<Camera> = splits.iter().flat_map(|(_, named)| named.iter().map(|n| n.camera)).collect();
@@ -102,13 +102,15 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let info = Info {
         name,
         layout: layout.name(),
-        splits: (splits.iter()).map(|(name, cameras)| Split { name, photographs: cameras.len(), cameras }).collect(),
+        splits: (splits.iter())
+            .map(|(name, cameras)| SplitFacts { name, photographs: cameras.len(), cameras })
+            .collect(),
         cameras: kinds(&cameras),
         masks: *masks,
         lost: *lost,
         missing,
         points: (points.as_ref().zip(location.points.as_ref()))
-            .map(|(file, cells)| Points { file, bounds: corners(&cells.bounds()) }),
+            .map(|(file, cells)| PointFacts { file, bounds: corners(&cells.bounds()) }),
         bounds: bounds.as_ref().map(corners),
         focus: focus.to_array(),
         focus_distances: [distances.clone().fold(f64::INFINITY, f64::min), mean, distances.fold(0.0, f64::max)],
@@ -116,7 +118,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     };
     if let Some(path) = &args.picture {
         let points = location.points.iter().flat_map(VoxelBoxes::boxes).map(|cell| cell.center()).collect();
-        let plan = Plan {
+        let plan = FloorPlan {
             splits: &info.splits.iter().map(|s| (s.name, s.cameras)).collect::<Vec<_>>(),
             points,
             bounds: *bounds,
@@ -198,7 +200,7 @@ fn text(info: &Info<'_>) -> String {
         let more = if info.missing.len() > first.len() { ", …" } else { "" };
         lines.push(format!("missing       {}: {}{more}", plural(info.missing.len(), "picture"), names.join(", ")));
     }
-    if let Some(Points { file, bounds: [min, max] }) = &info.points {
+    if let Some(PointFacts { file, bounds: [min, max] }) = &info.points {
         lines.push(format!("points        {}, in {} to {}", escaped_path(file), three(min), three(max)));
     }
     if let Some([min, max]) = &info.bounds {

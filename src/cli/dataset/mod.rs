@@ -8,7 +8,7 @@ use clap::Subcommand;
 
 pub(super) use options::DatasetOptions;
 
-use super::{Error, Session};
+use super::{Context, Error};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -30,7 +30,7 @@ enum Command {
 }
 
 /// Runs the subcommand.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     match &args.command {
         Command::Info(args) => info::run(args, session),
     }

@@ -22,14 +22,14 @@ const VIEWS: [(&str, [usize; 2]); 2] =
     [("from above: x to the right, y up", [0, 1]), ("from the side: x to the right, z up", [0, 2])];
 
 /// Cameras, points and box, in the dataset's space.
-pub(super) struct Plan<'a> {
+pub(super) struct FloorPlan<'a> {
     pub(super) splits: &'a [(&'static str, &'a [NamedCamera])],
     pub(super) points: Vec<DVec3>,
     pub(super) bounds: Option<Aabb>,
     pub(super) focus: DVec3,
 }
 
-impl Plan<'_> {
+impl FloorPlan<'_> {
     /// Size and colors of the picture.
     pub(super) fn draw(&self) -> Result<([u32; 2], Vec<[f32; 3]>), Error> {
         plots::register();

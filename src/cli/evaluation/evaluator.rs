@@ -9,8 +9,8 @@ use crate::approximations::Approximations;
 use crate::backend::{BackendOptions, Drawn};
 use crate::progress::Progress;
 use crate::render::colors;
-use crate::{Error, Session, scene_file};
-use strivec_capture::dataset::View;
+use crate::{Context, Error, scene_file};
+use strivec_capture::dataset::Photograph;
 use strivec_field::render::{RenderSettings, upsample_bilinear};
 use strivec_format::container::SceneFile;
 use strivec_measure as measure;
@@ -57,7 +57,7 @@ pub(crate) struct Shown<'a> {
 
 /// How scenes are rendered and measured.
 pub(crate) struct Evaluator<'a> {
-    pub(crate) session: &'a Session,
+    pub(crate) session: &'a Context,
     pub(crate) backend: &'a BackendOptions,
     pub(crate) approximations: &'a Approximations,
     pub(crate) ssim: &'a [SsimConvention],
@@ -67,7 +67,7 @@ pub(crate) struct Evaluator<'a> {
 
 impl SceneToEvaluate {
     /// Reads the file `path`.
-    pub(crate) fn read(path: &Path, session: &Session) -> Result<Self, Error> {
+    pub(crate) fn read(path: &Path, session: &Context) -> Result<Self, Error> {
         let (scene_file, bytes) = scene_file::read(path, &session.console)?;
         Ok(Self { path: path.to_path_buf(), bytes: bytes.len() as u64, scene_file })
     }
@@ -92,7 +92,7 @@ impl Evaluator<'_> {
     pub(crate) fn evaluate(
         &self,
         scene: SceneToEvaluate,
-        views: &[View],
+        views: &[Photograph],
         mut on_view: impl FnMut(&Shown<'_>) -> Result<(), Error>,
     ) -> Result<Evaluated, Error> {
         let SceneToEvaluate { path, bytes, scene_file } = scene;

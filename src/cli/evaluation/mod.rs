@@ -14,6 +14,6 @@ pub(super) use evaluator::{Evaluated, Evaluator, SceneToEvaluate, Shown};
 pub(super) use measure_options::MeasureOptions;
 pub(super) use metric::Metric;
 pub(super) use output_options::OutputOptions;
-pub(super) use page::{Cell, Page, PageTable};
+pub(super) use page::{Page, PageTable, TableCell};
 pub(super) use photographs::Photographs;
 pub(super) use view_pictures::ShownView;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::csv::csv;
 use super::page::Page;
 use super::view_pictures::{PictureFormat, ViewPictures};
-use crate::{Error, Session, check_output, write_atomically};
+use crate::{Context, Error, check_output, write_atomically};
 use strivec_measure::Report;
 
 /// The files of results.
@@ -29,7 +29,7 @@ pub(crate) struct OutputOptions {
 
 impl OutputOptions {
     /// Checks, before any work is done, that the files can be written.
-    pub(crate) fn check(&self, session: &Session) -> Result<(), Error> {
+    pub(crate) fn check(&self, session: &Context) -> Result<(), Error> {
         if self.csv.is_some() && self.csv == self.report {
             return Err(Error::Usage("--csv and --report name the same file; name two".into()));
         }
@@ -47,7 +47,7 @@ impl OutputOptions {
         &self,
         reports: &[(&Path, &Report)],
         page: impl FnOnce() -> Page,
-        session: &Session,
+        session: &Context,
     ) -> Result<(), Error> {
         if let Some(path) = &self.csv {
             write_atomically(path, csv(reports).as_bytes(), session.force)?;

@@ -21,16 +21,16 @@ pub(crate) struct Page {
 pub(crate) struct PageTable {
     pub(crate) heading: String,
     pub(crate) columns: Vec<String>,
-    pub(crate) rows: Vec<Vec<Cell>>,
+    pub(crate) rows: Vec<Vec<TableCell>>,
 }
 
 /// A text and the number that it is sorted by.
-pub(crate) struct Cell {
+pub(crate) struct TableCell {
     text: String,
     value: Option<f64>,
 }
 
-impl Cell {
+impl TableCell {
     /// A name.
     pub(crate) fn name(text: impl Into<String>) -> Self {
         Self { text: text.into(), value: None }
@@ -90,7 +90,7 @@ impl PageTable {
     fn html(&self) -> String {
         let headings: String =
             self.columns.iter().map(|column| format!("<th scope=\"col\">{}</th>", html(column))).collect();
-        let row = |row: &Vec<Cell>| format!("<tr>{}</tr>\n", row.iter().map(Cell::html).collect::<String>());
+        let row = |row: &Vec<TableCell>| format!("<tr>{}</tr>\n", row.iter().map(TableCell::html).collect::<String>());
         format!(
             "<h2>{}</h2>\n<div class=\"scroll\"><table>\n<thead><tr>{headings}</tr></thead>\n\
              <tbody>\n{}</tbody>\n</table></div>\n",
@@ -128,7 +128,7 @@ mod tests {
             tables: vec![PageTable {
                 heading: evil.into(),
                 columns: vec![evil.into(), evil.into()],
-                rows: vec![vec![Cell::name(evil), Cell::number(Some(f64::INFINITY), evil.into())]],
+                rows: vec![vec![TableCell::name(evil), TableCell::number(Some(f64::INFINITY), evil.into())]],
             }],
             views: vec![ShownView {
                 index: 0,

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::Error;
 use crate::view_selection::ViewSelection;
 use strivec_capture::dataset;
-use strivec_capture::dataset::{Dataset, LoadOptions, View};
+use strivec_capture::dataset::{Dataset, LoadOptions, Photograph};
 use strivec_train::recipe::RefinedPoses;
 
 /// The selected views of a dataset.
@@ -40,7 +40,7 @@ impl Photographs {
             let all = LoadOptions { views: None, every: 1, ..options };
             let cameras = dataset::load_cameras(&self.dataset, "train", None, &all)?;
             let (map, focal_scale) = RefinedPoses::alignment(path, &cameras)?;
-            for View { camera, .. } in &mut dataset.views {
+            for Photograph { camera, .. } in &mut dataset.views {
                 *camera = camera.mapped(&map);
                 camera.focal = camera.focal.map(|focal| focal_scale * focal);
             }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::input::{Inputs, LimitArgs};
-use crate::{Error, Session, scene_file};
+use crate::{Context, Error, scene_file};
 use strivec_field::render::ReferenceRenderer;
 use strivec_format::container;
 use strivec_format::container::{Probe, SceneFile};
@@ -80,7 +80,7 @@ struct Traced {
 }
 
 /// Prints what this reader makes of the files.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let rows: Result<Vec<Row>, Error> =
         args.inputs.paths()?.into_iter().map(|path| Row::read(path, args.inputs.limits)).collect();
     let rows = rows?;

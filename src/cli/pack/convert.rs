@@ -8,7 +8,7 @@ use super::encoding::{LayoutArgs, Plain};
 use super::input::{self, Inputs, Outputs};
 use super::rewriting::{Edit, rewritten};
 use crate::approximations::stored_settings;
-use crate::{Error, Session};
+use crate::{Context, Error};
 use strivec_field::render::{ParetoFront, QualitySelector, RenderSettings};
 use strivec_format::container::{SceneFile, VERSION};
 use strivec_format::digits::grouped;
@@ -62,7 +62,7 @@ impl Written {
 }
 
 /// Writes files in another encoding.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     if args.target_version != VERSION.to_string() {
         let message = format!("--target-version {}: only {VERSION} can be written", args.target_version);
         return Err(Error::Unsupported(message));
@@ -79,7 +79,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 }
 
 /// Applies the stored render settings `name` to the scene.
-fn bake(mut document: SceneFile, path: &Path, name: &str, session: &Session) -> Result<SceneFile, Error> {
+fn bake(mut document: SceneFile, path: &Path, name: &str, session: &Context) -> Result<SceneFile, Error> {
     let size =
         ParetoFront::from_notes(&document.metadata.notes).and_then(Result::ok).map_or([1; 2], |trade| trade.size);
     let RenderSettings { approximation, divisor } =
@@ -96,7 +96,7 @@ fn bake(mut document: SceneFile, path: &Path, name: &str, session: &Session) -> 
 }
 
 /// Warns if a file became larger.
-pub(super) fn warn_of_growth(path: &Path, before: usize, after: usize, session: &Session) {
+pub(super) fn warn_of_growth(path: &Path, before: usize, after: usize, session: &Context) {
     if after > before {
         let (before, after) = (grouped(before as u64), grouped(after as u64));
         let advice = "`strivec-pack pack` compresses it, --encoding sets another encoding";
@@ -109,7 +109,7 @@ pub(super) fn rewrite(
     inputs: &Inputs,
     output: &Path,
     dry_run: bool,
-    session: &Session,
+    session: &Context,
     change: impl Fn(SceneFile, &[u8], &Path) -> Result<Vec<u8>, Error>,
 ) -> Result<(), Error> {
     let paths = inputs.paths()?;

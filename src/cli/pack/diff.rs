@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::input::{self, LimitArgs};
-use crate::{Error, Session};
+use crate::{Context, Error};
 use strivec_format::container;
 use strivec_format::model::{Scale, Scene};
 use strivec_format::psnr::psnr_of_mse;
-use strivec_train::pack::{Distortion, probe_views};
+use strivec_train::pack::{ReferencePictures, probe_views};
 use strivec_train::recipe::JUDGED;
 
 /// Arguments of `strivec-pack diff`.
@@ -40,7 +40,7 @@ pub(super) struct Difference {
 }
 
 /// Compares two files; fails where they differ.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let read = |path| input::read(path, args.limits, &session.console);
     let ((before, before_bytes), (after, after_bytes)) = (read(&args.before)?, read(&args.after)?);
     let same_bytes = before_bytes == after_bytes;
@@ -63,7 +63,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     let psnr = if same_bytes || args.no_pictures {
         None
     } else {
-        let error = Distortion::from_own_pictures(
+        let error = ReferencePictures::from_own_pictures(
             &before.scene,
             probe_views(&before.scene, before.metadata.views.as_ref(), &before.metadata.cameras, 6, JUDGED.1),
         )

@@ -10,7 +10,7 @@ use super::input::Inputs;
 use super::rewriting::{Edit, rewritten};
 use crate::numbers::{boxed, numbers};
 use crate::table::short;
-use crate::{Error, Session};
+use crate::{Context, Error};
 use strivec_format::container;
 use strivec_format::container::SceneFile;
 use strivec_format::geometry::{Aabb, Similarity};
@@ -35,7 +35,7 @@ impl Files {
     /// Writes what `change` makes of each file.
     fn rewrite(
         &self,
-        session: &Session,
+        session: &Context,
         change: impl Fn(SceneFile, &[u8], &Path) -> Result<Vec<u8>, Error>,
     ) -> Result<(), Error> {
         rewrite(&self.inputs, &self.output, self.dry_run, session, change)
@@ -44,7 +44,7 @@ impl Files {
 
 /// Output of an edited scene.
 #[derive(Debug, clap::Args)]
-struct Target {
+struct EditTarget {
     #[command(flatten)]
     files: Files,
     /// Encoding of the factors; keep: the file's, but floats for numbers that it would round after the edit
@@ -54,10 +54,10 @@ struct Target {
     layout: LayoutArgs,
 }
 
-impl Target {
+impl EditTarget {
     fn rewrite(
         &self,
-        session: &Session,
+        session: &Context,
         change: impl Fn(SceneFile, &Path) -> Result<SceneFile, Error>,
     ) -> Result<(), Error> {
         self.layout.check()?;
@@ -74,7 +74,7 @@ impl Target {
 #[command(after_help = "Example:\n  strivec-pack prune lego.strivec -o pruned.strivec")]
 pub(super) struct PruneArgs {
     #[command(flatten)]
-    target: Target,
+    target: EditTarget,
     /// Drop components whose absence adds at most this to the mean squared error of pictures
     #[arg(long, value_name = "ERROR", default_value_t = 1e-13)]
     error: f64,
@@ -84,7 +84,7 @@ pub(super) struct PruneArgs {
 }
 
 /// Drops components that pictures do not show.
-pub(super) fn prune(args: &PruneArgs, session: &Session) -> Result<(), Error> {
+pub(super) fn prune(args: &PruneArgs, session: &Context) -> Result<(), Error> {
     args.target.rewrite(session, |mut document, _| {
         let SceneFile { scene, metadata, .. } = &document;
         let views = probe_views(scene, metadata.views.as_ref(), &metadata.cameras, PROBED.0, JUDGED.1);
@@ -102,7 +102,7 @@ pub(super) fn prune(args: &PruneArgs, session: &Session) -> Result<(), Error> {
 )]
 pub(super) struct CropArgs {
     #[command(flatten)]
-    target: Target,
+    target: EditTarget,
     /// Keep the tensors in this box: smallest and largest corner, in dataset units
     #[arg(long = "box", value_name = "X,Y,Z,X,Y,Z", value_parser = boxed, allow_hyphen_values = true,
         required_unless_present = "scales")]
@@ -113,7 +113,7 @@ pub(super) struct CropArgs {
 }
 
 /// Keeps what is in a box, or coarse enough.
-pub(super) fn crop(args: &CropArgs, session: &Session) -> Result<(), Error> {
+pub(super) fn crop(args: &CropArgs, session: &Context) -> Result<(), Error> {
     args.target.rewrite(session, |mut document, path| {
         if let Some(scales) = args.scales.map(usize::from).filter(|n| *n < document.scene.scales.len()) {
             let prefixes = &document.metadata.prefixes;
@@ -162,7 +162,7 @@ pub(super) struct TransformArgs {
 }
 
 /// Changes where a scene is in its dataset's space: FRAME alone. All else in a file is in the model's space.
-pub(super) fn transform(args: &TransformArgs, session: &Session) -> Result<(), Error> {
+pub(super) fn transform(args: &TransformArgs, session: &Context) -> Result<(), Error> {
     if !(args.scale > 0.0 && args.scale.is_finite()) {
         return Err(Error::Usage(format!("--scale {}: must be positive", args.scale)));
     }

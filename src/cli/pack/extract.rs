@@ -10,8 +10,8 @@ use super::convert::Written;
 use super::encoding::{LayoutArgs, Plain, options_for};
 use super::input::{self, LimitArgs, Outputs};
 use crate::table::plural;
-use crate::{Error, Session};
-use strivec_export::{ArrayReader, ArrayWriter, Description, write_arrays};
+use crate::{Context, Error};
+use strivec_export::{ArrayReader, ArrayWriter, SceneDescription, write_arrays};
 use strivec_format::container;
 use strivec_format::container::SceneFile;
 use strivec_format::escape::escaped_path;
@@ -58,7 +58,7 @@ pub(super) struct AssembleArgs {
 }
 
 /// Writes a file's scene as a folder.
-pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error> {
+pub(super) fn extract(args: &ExtractArgs, session: &Context) -> Result<(), Error> {
     if args.output.exists() {
         let message = format!("{}: exists; name a new folder", args.output.display());
         return Err(Error::Usage(message));
@@ -83,7 +83,7 @@ pub(super) fn extract(args: &ExtractArgs, session: &Session) -> Result<(), Error
 }
 
 /// Writes a folder's scene as a file.
-pub(super) fn assemble(args: &AssembleArgs, session: &Session) -> Result<(), Error> {
+pub(super) fn assemble(args: &AssembleArgs, session: &Context) -> Result<(), Error> {
     let outputs = Outputs::new(std::slice::from_ref(&args.input), false, &args.output, false, session)?;
     let mut document = Folder(&args.input).document()?;
     let options = options_for(args.encoding, &mut document, true).map_err(|e| Error::container(&args.input, e))?;
@@ -105,7 +105,7 @@ fn files_of(document: &SceneFile) -> Result<BTreeMap<String, Vec<u8>>, Error> {
     let mut arrays = ArrayFiles(BTreeMap::new());
     write_arrays(&document.scene, &mut arrays).map_err(|e| Error::Runtime(e.to_string()))?;
     let ArrayFiles(mut files) = arrays;
-    let description = Description::of(&document.scene, &document.metadata);
+    let description = SceneDescription::of(&document.scene, &document.metadata);
     let json = serde_json::to_vec_pretty(&description).map_err(|e| Error::Runtime(e.to_string()))?;
     files.insert(DESCRIPTION.into(), json);
     Ok(files)
@@ -130,7 +130,7 @@ impl Folder<'_> {
     fn document(&self) -> Result<SceneFile, Error> {
         let path = self.0.join(DESCRIPTION);
         let bytes = fs::read(&path).map_err(Error::io("read", &path))?;
-        let description: Description = serde_json::from_slice(&bytes).map_err(|e| self.refusal(e.to_string()))?;
+        let description: SceneDescription = serde_json::from_slice(&bytes).map_err(|e| self.refusal(e.to_string()))?;
         description.scene(self)
     }
 }

@@ -9,7 +9,7 @@ use super::input::{self, Inputs, LimitArgs};
 use crate::console::Console;
 use crate::info::Info;
 use crate::table::Table;
-use crate::{Error, Session};
+use crate::{Context, Error};
 use strivec_format::container;
 use strivec_format::container::Metadata;
 use strivec_format::digits::grouped;
@@ -48,7 +48,7 @@ pub(super) struct Row {
 }
 
 /// Prints the contents of files, then the errors.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let (mut rows, mut errors) = (Vec::new(), Vec::new());
     for path in args.inputs.paths()? {
         match Row::read(path.clone(), args.inputs.limits, &session.console) {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::console::Console;
 use crate::output::check_scene_name;
-use crate::{Error, Session, check_output, scene_file, write_atomically};
+use crate::{Context, Error, check_output, scene_file, write_atomically};
 use strivec_format::container;
 use strivec_format::container::{Limits, SceneFile};
 
@@ -96,7 +96,7 @@ impl Outputs {
         several: bool,
         output: &Path,
         dry_run: bool,
-        session: &Session,
+        session: &Context,
     ) -> Result<Self, Error> {
         let has_slash = output.to_string_lossy().ends_with(std::path::is_separator);
         let is_folder = several || has_slash || output.is_dir();

@@ -20,7 +20,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-use super::session::{Globals, Session, run_call, run_command};
+use super::session::{Context, Globals, run_call, run_command};
 use super::{Call, Error, removed};
 use crate::version::version;
 
@@ -93,7 +93,7 @@ pub fn call(arguments: &[OsString], call: &Call) -> Result<Vec<String>, Error> {
     run_call(removed::parsed(Cli::try_parse_from(words)).map(|cli| (cli.globals, cli.command)), call, run)
 }
 
-fn run(command: &Command, session: &Session) -> Result<(), Error> {
+fn run(command: &Command, session: &Context) -> Result<(), Error> {
     match command {
         Command::Pack(args) => package::run(args, session),
         Command::Info(args) => info::run(args, session),

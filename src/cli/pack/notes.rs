@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use super::input::{self, LimitArgs, Outputs};
-use crate::{Error, Session};
+use crate::{Context, Error};
 use strivec_format::container;
 use strivec_format::escape::escaped;
 
@@ -33,7 +33,7 @@ fn note(text: &str) -> Result<(String, String), String> {
 }
 
 /// Prints notes, or writes a file with others; no other byte of it changes but offsets and checksums.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let (document, bytes) = input::read(&args.input, args.limits, &session.console)?;
     let mut notes = document.metadata.notes;
     let Some(output) = &args.output else {

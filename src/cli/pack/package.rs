@@ -14,9 +14,9 @@ use crate::progress::Progress;
 use crate::scene_file::scene_error;
 use crate::state_file::{StateFile, read_state, run_steps};
 use crate::table::plural;
-use crate::{Error, Session, quantity};
+use crate::{Context, Error, quantity};
 use strivec_capture::dataset;
-use strivec_capture::dataset::{Dataset, LoadOptions, View};
+use strivec_capture::dataset::{Dataset, LoadOptions, Photograph};
 use strivec_format::container::{EncodeOptions, Metadata, Quality, SceneFile, TrainingCamera};
 use strivec_format::digits::grouped;
 use strivec_format::escape::escaped_path;
@@ -79,7 +79,7 @@ struct DataArgs {
 
 impl DataArgs {
     /// The photographs, and what they are called.
-    fn load(&self) -> Result<Option<(Vec<View>, String)>, Error> {
+    fn load(&self) -> Result<Option<(Vec<Photograph>, String)>, Error> {
         let Some(folder) = &self.data else { return Ok(None) };
         let options = LoadOptions { every: self.every as usize, ..self.dataset.load_options(self.downscale) };
         let Dataset { name, views, .. } = dataset::load(folder, &self.split, &options)?;
@@ -205,7 +205,7 @@ impl Row {
 }
 
 /// Packs files.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let paths = args.inputs.paths()?;
     let outputs = Outputs::new(&paths, args.inputs.are_several(), &args.output, args.dry_run, session)?;
     if args.tuning.tune.is_some() && (args.dry_run || outputs.takes_standard_output()) {
@@ -259,7 +259,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 }
 
 /// What a scene file or a training state holds, and its bytes.
-fn read_trained(path: &Path, limits: LimitArgs, session: &Session) -> Result<(SceneFile, u64), Error> {
+fn read_trained(path: &Path, limits: LimitArgs, session: &Context) -> Result<(SceneFile, u64), Error> {
     if path.extension().is_some_and(|e| e == "state") {
         let (_, scene) = read_state(path)?;
         let bytes = std::fs::metadata(path).map_err(Error::io("read", path))?.len();
@@ -274,7 +274,7 @@ fn read_trained(path: &Path, limits: LimitArgs, session: &Session) -> Result<(Sc
 fn measured<'a>(
     document: SceneFile,
     args: &'a Args,
-    photographs: Option<&'a (Vec<View>, String)>,
+    photographs: Option<&'a (Vec<Photograph>, String)>,
     options: &'a PackOptions,
 ) -> Result<Packing<'a>, Error> {
     let SceneFile { scene, mut metadata, .. } = document;
@@ -289,7 +289,7 @@ fn measured<'a>(
 }
 
 /// The file without training, and what was measured of it.
-fn pack(packing: &Packing<'_>, args: &Args, session: &Session, path: &Path) -> Result<(Vec<u8>, Quality), Error> {
+fn pack(packing: &Packing<'_>, args: &Args, session: &Context, path: &Path) -> Result<(Vec<u8>, Quality), Error> {
     let mut observer = ConsoleObserver::unstoppable(&session.console);
     let importance = packing.importance(&packing.scene, &mut observer);
     let beside = |target| packing.bytes_beside(&importance, target, &mut observer);
@@ -310,7 +310,7 @@ fn find(
     args: &GoalArgs,
     importance: &FactorImportance,
     reserved: u64,
-    session: &Session,
+    session: &Context,
     path: &Path,
 ) -> Result<Candidate, Error> {
     // Photographs decide about dB of PSNR, the scene's own pictures about everything else.
@@ -347,7 +347,7 @@ fn tuned(
     args: &Args,
     state: &StateFile,
     interrupted: &AtomicBool,
-    session: &Session,
+    session: &Context,
     path: &Path,
 ) -> Result<(Vec<u8>, Quality), Error> {
     let (Some(folder), Some(target)) = (&args.tuning.tune, args.goal.target_size) else {

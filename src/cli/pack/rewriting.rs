@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::encoding::{LayoutArgs, Plain, options_for};
 use crate::table::plural;
-use crate::{Error, Session};
+use crate::{Context, Error};
 use strivec_field::render::TRADE_NOTE;
 use strivec_format::container;
 use strivec_format::container::{Codec, EncodeOptions, Limits, Metadata, Original, SceneFile};
@@ -16,7 +16,7 @@ pub(super) struct Edit<'a> {
     /// Encoding of the factors.
     pub(super) encoding: Plain,
     pub(super) layout: &'a LayoutArgs,
-    pub(super) session: &'a Session,
+    pub(super) session: &'a Context,
 }
 
 /// The file of `after`, which an edit has made of `before`, the content of the file `bytes` at `path`.
@@ -61,7 +61,7 @@ fn decoded(scene: &Scene, options: &EncodeOptions) -> Result<Scene, container::E
 }
 
 /// Drops what was measured of the scene before it became `scene`, and the probes that are no longer true.
-fn forget_measurements(metadata: &mut Metadata, scene: &Scene, path: &Path, session: &Session) {
+fn forget_measurements(metadata: &mut Metadata, scene: &Scene, path: &Path, session: &Context) {
     metadata.quality = None;
     metadata.notes.remove(TRADE_NOTE);
     let Some(mut probes) = metadata.probes.take() else { return };

@@ -6,10 +6,10 @@ use schemars::generate::SchemaSettings;
 use serde_json::{Value, json};
 
 use super::{conform, convert::Written, diff::Difference, info, package, verify};
-use crate::{Error, Session};
+use crate::{Context, Error};
 
 /// Prints the schema, with and without `--json`.
-pub(super) fn run(session: &Session) -> Result<(), Error> {
+pub(super) fn run(session: &Context) -> Result<(), Error> {
     let text = serde_json::to_string_pretty(&schema()).map_err(|e| Error::Runtime(e.to_string()))?;
     session.console.print(&text)
 }

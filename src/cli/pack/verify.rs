@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 
 use super::input::{Inputs, LimitArgs};
-use crate::{Error, Session, scene_file};
+use crate::{Context, Error, scene_file};
 use strivec_format::container;
 use strivec_format::container::SceneFile;
 use strivec_format::escape::{escaped, escaped_path};
@@ -67,7 +67,7 @@ struct RendererRow {
 }
 
 /// Checks all files, prints the results, then the errors.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let (mut rows, mut errors) = (Vec::new(), Vec::new());
     for path in args.inputs.paths()? {
         let (row, error) = verify(&path, args, args.inputs.limits);

@@ -34,7 +34,7 @@ pub(super) type Inputs = BTreeMap<String, String>;
 /// The stages, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Stage {
+pub(super) enum PoseStage {
     Pictures,
     Features,
     Matching,
@@ -43,8 +43,8 @@ pub(super) enum Stage {
 
 /// A finished stage.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Finished {
-    pub(super) stage: Stage,
+pub(super) struct FinishedStage {
+    pub(super) stage: PoseStage,
     /// Wall time of the run that finished the stage.
     pub(super) seconds: f64,
     pub(super) found: String,
@@ -52,21 +52,21 @@ pub(super) struct Finished {
 
 /// The content of `pose.json`.
 #[derive(Debug, Serialize, Deserialize)]
-struct State {
+struct PoseState {
     version: u32,
     inputs: Inputs,
     /// Names of the pictures that were placed in `images`.
     placed: Vec<String>,
-    stages: Vec<Finished>,
+    stages: Vec<FinishedStage>,
 }
 
 /// The folder of a capture.
-pub(super) struct Capture {
+pub(super) struct CaptureFolder {
     folder: PathBuf,
-    state: State,
+    state: PoseState,
 }
 
-impl Capture {
+impl CaptureFolder {
     /// Opens or begins the capture in `folder`; `source` may be inside. With `force` a capture begins anew.
     ///
     /// # Errors
@@ -74,7 +74,7 @@ impl Capture {
     /// If the folder holds anything but a capture and `source`, or a capture of other inputs.
     pub(super) fn open(folder: &Path, source: &Path, inputs: Inputs, force: bool) -> Result<Self, Error> {
         let file = folder.join(STATE);
-        let empty = State { version: VERSION, inputs: inputs.clone(), placed: Vec::new(), stages: Vec::new() };
+        let empty = PoseState { version: VERSION, inputs: inputs.clone(), placed: Vec::new(), stages: Vec::new() };
         let bytes = match fs::read(&file) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
                 check_is_free(folder, source)?;
@@ -83,7 +83,7 @@ impl Capture {
             }
             other => other.map_err(Error::io("read", &file))?,
         };
-        let state: State = serde_json::from_slice(&bytes).map_err(Error::malformed(&file))?;
+        let state: PoseState = serde_json::from_slice(&bytes).map_err(Error::malformed(&file))?;
         if state.version != VERSION {
             let message = format!("{}: state of version {}, not {VERSION}", file.display(), state.version);
             return Err(Error::Unsupported(message));
@@ -118,12 +118,12 @@ impl Capture {
     }
 
     /// The record of `stage`, if it is finished.
-    pub(super) fn finished(&self, stage: Stage) -> Option<&Finished> {
+    pub(super) fn finished(&self, stage: PoseStage) -> Option<&FinishedStage> {
         self.state.stages.iter().find(|finished| finished.stage == stage)
     }
 
     /// The finished stages, in order.
-    pub(super) fn stages(&self) -> &[Finished] {
+    pub(super) fn stages(&self) -> &[FinishedStage] {
         &self.state.stages
     }
 
@@ -134,7 +134,7 @@ impl Capture {
     }
 
     /// Records a finished stage.
-    pub(super) fn finish(&mut self, finished: Finished) -> Result<(), Error> {
+    pub(super) fn finish(&mut self, finished: FinishedStage) -> Result<(), Error> {
         self.state.stages.push(finished);
         self.write()
     }

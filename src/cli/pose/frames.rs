@@ -23,7 +23,7 @@ const INSTALL: &str = "install it: apt install ffmpeg";
 
 /// A video.
 #[derive(Debug)]
-pub(super) struct Video {
+pub(super) struct SourceVideo {
     path: PathBuf,
     /// Seconds.
     length: f64,
@@ -33,7 +33,7 @@ pub(super) struct Video {
 }
 
 #[derive(Deserialize)]
-struct Probe {
+struct VideoProbe {
     #[serde(default)]
     streams: Vec<ProbeStream>,
     #[serde(default)]
@@ -51,7 +51,7 @@ struct ProbeFormat {
     duration: Option<String>,
 }
 
-impl Video {
+impl SourceVideo {
     /// The video in the file `path`.
     ///
     /// # Errors
@@ -76,7 +76,7 @@ impl Video {
             let last = problem.lines().rfind(|line| !line.trim().is_empty()).unwrap_or("no message");
             return Err(no_video(last.rsplit(": ").next().unwrap_or(last)));
         }
-        let probe: Probe = serde_json::from_slice(&output.stdout).map_err(|e| no_video(&e.to_string()))?;
+        let probe: VideoProbe = serde_json::from_slice(&output.stdout).map_err(|e| no_video(&e.to_string()))?;
         let Some(stream) = probe.streams.first() else { return Err(no_video("it has no pictures")) };
         let seconds = |text: &Option<String>| text.as_deref()?.parse().ok().filter(|s: &f64| s.is_finite() && *s > 0.0);
         let Some(length) = seconds(&stream.duration).or_else(|| seconds(&probe.format.duration)) else {

@@ -21,9 +21,9 @@ use std::time::Instant;
 use super::output::make_folder;
 use super::progress::Progress;
 use super::table::plural;
-use super::{Error, Session, write_atomically};
-use folder::{Capture, Finished, IMAGES, Inputs, PICTURES, Stage, UNSORTED};
-use frames::Video;
+use super::{Context, Error, write_atomically};
+use folder::{CaptureFolder, FinishedStage, IMAGES, Inputs, PICTURES, PoseStage, UNSORTED};
+use frames::SourceVideo;
 use options::{Mapper, Matching, Options, name_of};
 use photographs::Photographs;
 use programs::{Colmap, Search};
@@ -73,7 +73,7 @@ pub(super) struct Args {
 }
 
 /// Computes the poses.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let interrupted = session.interrupts()?;
     let metadata = fs::metadata(&args.source).map_err(Error::io("read", &args.source))?;
     if let Some(file) = &args.options.vocab_tree {
@@ -81,29 +81,29 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
     }
     let colmap = args.search.find(&args.options)?;
     let source = if metadata.is_dir() {
-        Source::Photographs(photographs(args, &colmap)?)
+        PoseSource::Photographs(photographs(args, &colmap)?)
     } else {
-        Source::Video(Video::open(&args.source)?)
+        PoseSource::Video(SourceVideo::open(&args.source)?)
     };
     let inputs = inputs(args, &source, &colmap)?;
-    let mut capture = Capture::open(&args.output, &args.source, inputs, session.force)?;
+    let mut capture = CaptureFolder::open(&args.output, &args.source, inputs, session.force)?;
     session.console.say(&format!("pose: {} with {}", capture.folder().display(), colmap.describe()));
     source.skipped().iter().take(LISTED).for_each(|file| session.console.say(&format!("skipped: {file}")));
     if source.skipped().len() > LISTED {
         session.console.say(&format!("skipped: {} more", source.skipped().len() - LISTED));
     }
-    let names = Work { args, session, interrupted: &interrupted, capture: &mut capture }.all(&source, &colmap)?;
+    let names = PoseRun { args, session, interrupted: &interrupted, capture: &mut capture }.all(&source, &colmap)?;
     let report = Report::read(&capture, colmap.describe(), &names, source.skipped().to_vec())?;
     session.console.result(&report, Report::text)
 }
 
 /// The photographs or the video.
-enum Source {
+enum PoseSource {
     Photographs(Photographs),
-    Video(Video),
+    Video(SourceVideo),
 }
 
-impl Source {
+impl PoseSource {
     fn skipped(&self) -> &[String] {
         match self {
             Self::Photographs(photographs) => &photographs.skipped,
@@ -134,7 +134,7 @@ fn photographs(args: &Args, colmap: &Colmap) -> Result<Photographs, Error> {
 }
 
 /// The inputs that decide the result, for comparison with the run that a command resumes.
-fn inputs(args: &Args, source: &Source, colmap: &Colmap) -> Result<Inputs, Error> {
+fn inputs(args: &Args, source: &PoseSource, colmap: &Colmap) -> Result<Inputs, Error> {
     let Options { camera_model, camera_each, max_features, matching, vocab_tree, mapper, gpu } = &args.options;
     let path = fs::canonicalize(&args.source).map_err(Error::io("read", &args.source))?;
     let mut inputs: Vec<(&str, String)> = vec![
@@ -149,8 +149,8 @@ fn inputs(args: &Args, source: &Source, colmap: &Colmap) -> Result<Inputs, Error
         ("--gpu", gpu.to_string()),
     ];
     match source {
-        Source::Photographs(photographs) => inputs.push(("photographs", photographs.fingerprint())),
-        Source::Video(video) => {
+        PoseSource::Photographs(photographs) => inputs.push(("photographs", photographs.fingerprint())),
+        PoseSource::Video(video) => {
             inputs.push(("video", video.fingerprint()?));
             inputs.push(("--frames", args.frames.to_string()));
             inputs.push(("--min-gap", args.min_gap.to_string()));
@@ -160,25 +160,25 @@ fn inputs(args: &Args, source: &Source, colmap: &Colmap) -> Result<Inputs, Error
 }
 
 /// A run.
-struct Work<'a> {
+struct PoseRun<'a> {
     args: &'a Args,
-    session: &'a Session,
+    session: &'a Context,
     interrupted: &'a AtomicBool,
-    capture: &'a mut Capture,
+    capture: &'a mut CaptureFolder,
 }
 
-impl Work<'_> {
+impl PoseRun<'_> {
     /// All stages that are not finished; returns the names of the pictures.
-    fn all(&mut self, source: &Source, colmap: &Colmap) -> Result<Vec<String>, Error> {
+    fn all(&mut self, source: &PoseSource, colmap: &Colmap) -> Result<Vec<String>, Error> {
         let threads = rayon::current_num_threads();
         let options = &self.args.options;
         match source {
-            Source::Photographs(photographs) => {
+            PoseSource::Photographs(photographs) => {
                 let total = photographs.pictures.len() as u64;
-                self.stage(Stage::Pictures, total, |work, progress| work.photographs(photographs, progress))?;
+                self.stage(PoseStage::Pictures, total, |work, progress| work.photographs(photographs, progress))?;
             }
-            Source::Video(video) => {
-                self.stage(Stage::Pictures, video.frames(), |work, progress| work.frames(video, progress))?;
+            PoseSource::Video(video) => {
+                self.stage(PoseStage::Pictures, video.frames(), |work, progress| work.frames(video, progress))?;
             }
         }
         let listed = self.capture.path(PICTURES);
@@ -186,7 +186,7 @@ impl Work<'_> {
         let names: Vec<String> = names.lines().map(str::to_owned).collect();
         let count = names.len();
 
-        self.stage(Stage::Features, count as u64, |work, progress| {
+        self.stage(PoseStage::Features, count as u64, |work, progress| {
             let scaled = |line: &str| process::counter(line).map(|[done, _]| done);
             work.program("features", colmap.features(options, threads), progress, &scaled)?;
             Ok(plural(count, "picture"))
@@ -194,7 +194,7 @@ impl Work<'_> {
 
         let pairs = options.matching.of(count);
         let total = (count * count.saturating_sub(1) / 2) as u64;
-        self.stage(Stage::Matching, total, |work, progress| {
+        self.stage(PoseStage::Matching, total, |work, progress| {
             if pairs == Matching::Sequential && options.vocab_tree.is_none() {
                 progress.say("matching: sequential without loop detection; --vocab-tree FILE adds it");
             }
@@ -203,7 +203,7 @@ impl Work<'_> {
             Ok(name_of(pairs))
         })?;
 
-        self.stage(Stage::Mapping, count as u64, |work, progress| {
+        self.stage(PoseStage::Mapping, count as u64, |work, progress| {
             let unsorted = work.capture.path(UNSORTED);
             folder::remove(&unsorted, |path| fs::remove_dir_all(path))?;
             make_folder(&unsorted)?;
@@ -226,7 +226,7 @@ impl Work<'_> {
     /// Runs `work`, which returns what it found, as `stage` of `total` steps, unless it is finished.
     fn stage(
         &mut self,
-        stage: Stage,
+        stage: PoseStage,
         total: u64,
         work: impl FnOnce(&mut Self, &Progress<'_>) -> Result<String, Error>,
     ) -> Result<(), Error> {
@@ -241,7 +241,7 @@ impl Work<'_> {
         let found = work(self, &progress)?;
         let seconds = start.elapsed().as_secs_f64();
         progress.finish(&format!("{task}: {found} in {seconds:.1} s"));
-        self.capture.finish(Finished { stage, seconds, found })
+        self.capture.finish(FinishedStage { stage, seconds, found })
     }
 
     /// Runs `command` in the folder of the capture; `done` reads the number of steps from a line of its output.
@@ -279,7 +279,7 @@ impl Work<'_> {
     }
 
     /// Extracts the frames of a video.
-    fn frames(&mut self, video: &Video, progress: &Progress<'_>) -> Result<String, Error> {
+    fn frames(&mut self, video: &SourceVideo, progress: &Progress<'_>) -> Result<String, Error> {
         let images = self.capture.path(IMAGES);
         make_folder(&images)?;
         let (count, gap) = (self.args.frames as usize, self.args.min_gap);

@@ -15,7 +15,7 @@ use strivec_format::escape::escaped;
 
 /// A photograph.
 #[derive(Debug)]
-pub(super) struct Photograph {
+pub(super) struct ListedPhotograph {
     /// File name of the photograph in the folder.
     pub(super) name: String,
     path: PathBuf,
@@ -32,7 +32,7 @@ pub(super) struct Photograph {
 pub(super) struct Photographs {
     folder: PathBuf,
     /// The photographs, in the order of their names.
-    pub(super) pictures: Vec<Photograph>,
+    pub(super) pictures: Vec<ListedPhotograph>,
     /// Files that are not used, with the reason.
     pub(super) skipped: Vec<String>,
 }
@@ -63,8 +63,8 @@ impl Photographs {
 
     /// Skips WebP pictures, which the COLMAP `program` does not read.
     pub(super) fn skip_webp(&mut self, program: &str) {
-        let is_webp = |picture: &mut Photograph| picture.format == ImageFormat::WebP;
-        for Photograph { name, .. } in self.pictures.extract_if(.., is_webp) {
+        let is_webp = |picture: &mut ListedPhotograph| picture.format == ImageFormat::WebP;
+        for ListedPhotograph { name, .. } in self.pictures.extract_if(.., is_webp) {
             let why = format!("a WebP picture, which {program} does not read; convert it to JPEG or PNG");
             self.skipped.push(format!("{}: {why}", escaped(&name)));
         }
@@ -74,7 +74,7 @@ impl Photographs {
     /// A text that changes if a photograph does.
     pub(super) fn fingerprint(&self) -> String {
         let mut hasher = crc32fast::Hasher::new();
-        for Photograph { name, bytes, modified, .. } in &self.pictures {
+        for ListedPhotograph { name, bytes, modified, .. } in &self.pictures {
             hasher.update(format!("{name}\n{bytes} {modified}\n").as_bytes());
         }
         format!("{} files (checksum {:08x})", self.pictures.len(), hasher.finalize())
@@ -138,7 +138,7 @@ fn copy(from: &Path, to: &Path) -> Result<(), Error> {
 }
 
 /// The photograph in the file `path`, else why it is none.
-fn photograph(path: &Path, name: Option<&str>) -> Result<Photograph, String> {
+fn photograph(path: &Path, name: Option<&str>) -> Result<ListedPhotograph, String> {
     let Some(name) = name else { return Err("the name is not UTF-8".into()) };
     if name.contains(['\n', '\r']) || name.trim() != name {
         return Err("the name has a line feed, or a blank at an end".into());
@@ -154,7 +154,7 @@ fn photograph(path: &Path, name: Option<&str>) -> Result<Photograph, String> {
     let format = format_of(path).map_err(|error| format!("cannot be read: {error}"))??;
     let size = dimensions(path, format)?;
     let modified = metadata.modified().ok().and_then(|time| time.duration_since(std::time::UNIX_EPOCH).ok());
-    Ok(Photograph {
+    Ok(ListedPhotograph {
         name: name.to_owned(),
         path: path.to_path_buf(),
         bytes: metadata.len(),

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::super::Error;
 use super::super::table::plural;
-use super::folder::{Capture, Finished, SPARSE};
+use super::folder::{CaptureFolder, FinishedStage, SPARSE};
 use super::model::{self, Model};
 use strivec_format::digits::grouped;
 use strivec_format::escape::{escaped, escaped_path};
@@ -32,17 +32,17 @@ pub(super) struct Report {
     reprojection_error: Option<f64>,
     /// Registered pictures of each model; the largest is in `sparse/0`.
     models: Vec<usize>,
-    pub(super) left_out: Vec<LeftOut>,
+    pub(super) left_out: Vec<UnplacedPicture>,
     /// Files of the folder that are not used, with the reason.
     skipped: Vec<String>,
-    stages: Vec<Finished>,
+    stages: Vec<FinishedStage>,
     /// Sum of the stages.
     seconds: f64,
 }
 
 /// A picture that is not in the largest model.
 #[derive(Debug, Serialize)]
-pub(super) struct LeftOut {
+pub(super) struct UnplacedPicture {
     pub(super) name: String,
     pub(super) reason: String,
 }
@@ -54,7 +54,7 @@ impl Report {
     ///
     /// If COLMAP's files cannot be read.
     pub(super) fn read(
-        capture: &Capture,
+        capture: &CaptureFolder,
         program: String,
         names: &[String],
         skipped: Vec<String>,
@@ -83,7 +83,7 @@ impl Report {
     /// The result as text.
     pub(super) fn text(&self) -> String {
         let mut text = String::new();
-        for LeftOut { name, reason } in self.left_out.iter().take(LISTED) {
+        for UnplacedPicture { name, reason } in self.left_out.iter().take(LISTED) {
             text += &format!("left out: {}: {reason}\n", escaped(name));
         }
         if self.left_out.len() > LISTED {
@@ -128,7 +128,7 @@ pub(super) fn mapping_found(capture: &Path, pictures: usize) -> Result<String, E
     Ok(format!("{} of {} registered{others}", largest.names.len(), plural(pictures, "picture")))
 }
 
-fn left_out(names: &[String], models: &[Model]) -> Vec<LeftOut> {
+fn left_out(names: &[String], models: &[Model]) -> Vec<UnplacedPicture> {
     let none = BTreeSet::new();
     let registered = models.first().map_or(&none, |model| &model.names);
     let row = |name: &String| {
@@ -136,11 +136,11 @@ fn left_out(names: &[String], models: &[Model]) -> Vec<LeftOut> {
             Some(model) => format!("in the separate model {SPARSE}/{model}: few matches to the largest"),
             None => "no pose".to_owned(),
         };
-        LeftOut { name: name.clone(), reason }
+        UnplacedPicture { name: name.clone(), reason }
     };
     names.iter().filter(|name| !registered.contains(*name)).map(row).collect()
 }
 
-fn task(stage: &Finished) -> String {
+fn task(stage: &FinishedStage) -> String {
     super::options::name_of(stage.stage)
 }

@@ -14,7 +14,7 @@ use shaping::Shaping;
 use super::error::with_flags;
 use super::observer::ConsoleObserver;
 use super::table::{plural, short};
-use super::{Error, Session, check_output, write_atomically};
+use super::{Context, Error, check_output, write_atomically};
 use crate::dataset::DatasetOptions;
 use strivec_capture::dataset;
 use strivec_capture::prior;
@@ -90,7 +90,7 @@ struct Report<'a> {
 }
 
 /// Reads geometry and writes its occupied cells.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     if let Some(Command::Show(args)) = &args.command {
         return show::run(args, session);
     }
@@ -125,7 +125,7 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         degenerate_triangles: degenerate,
         grid_cells: cells,
         share_of_rays: sight.as_ref().map(|sight| sight.share),
-        advice: sight.and_then(|sight| sight.advice).map(|advice| with_flags(&advice.to_string())),
+        advice: sight.and_then(|sight| sight.advice).map(|advice| with_flags(&advice)),
     };
     session.console.result(&report, |r| {
         let [x, y, z] = r.pitch.map(short);

@@ -9,14 +9,14 @@ use crate::error::with_flags;
 use crate::observer::ConsoleObserver;
 use crate::table::{plural, short};
 use crate::view_selection::ViewSelection;
-use crate::{Error, Session, check_output, write_atomically};
+use crate::{Context, Error, check_output, write_atomically};
 use strivec_capture::dataset;
 use strivec_capture::dataset::Dataset;
 use strivec_capture::prior;
 use strivec_capture::prior::{Built, PriorVisibility, Shading, SparseVoxelTree};
 use strivec_format::escape::escaped_path;
 use strivec_format::geometry::Camera;
-use strivec_measure::{Canvas, color_png, side_by_side, stacked};
+use strivec_measure::{Sheet, color_png, side_by_side, stacked};
 use strivec_train::recipe;
 
 const EXAMPLES: &str = "\
@@ -59,7 +59,7 @@ pub(crate) struct Args {
 
 /// The result, as `--json` prints it.
 #[derive(Serialize)]
-struct Shown<'a> {
+struct ShowReport<'a> {
     file: &'a Path,
     views: usize,
     cells: usize,
@@ -72,7 +72,7 @@ struct Shown<'a> {
 }
 
 /// Writes the sheet.
-pub(crate) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(crate) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     check_output(&args.out, session.force)?;
     let Built { boxes, colors, .. } = recipe::build_prior(
         &args.inputs,
@@ -98,22 +98,22 @@ pub(crate) fn run(args: &Args, session: &Session) -> Result<(), Error> {
         for &shading in &shadings {
             let colors = prior::overlay(&tree, &boxes, shading, &view.camera, &photograph)
                 .map_err(|error| Error::Runtime(error.to_string()))?;
-            row.push(Canvas { size, colors });
+            row.push(Sheet { size, colors });
         }
-        row.insert(0, Canvas { size, colors: photograph });
+        row.insert(0, Sheet { size, colors: photograph });
         rows.push(side_by_side(&row));
     }
     let sheet = stacked(&rows);
     write_atomically(&args.out, &color_png(sheet.size, &sheet.colors)?, session.force)?;
 
     let PriorVisibility { share, advice } = prior::check_alignment(&boxes, &cameras);
-    let shown = Shown {
+    let shown = ShowReport {
         file: &args.out,
         views: views.len(),
         cells: boxes.cells.len(),
         share_of_rays: share,
         distances,
-        advice: advice.map(|advice| with_flags(&advice.to_string())),
+        advice: advice.map(|advice| with_flags(&advice)),
     };
     session.console.result(&shown, |shown| {
         let advice = shown.advice.as_ref().map_or_else(String::new, |advice| format!("\n{advice}"));

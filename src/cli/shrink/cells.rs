@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use strivec_capture::dataset::View;
+use strivec_capture::dataset::Photograph;
 use strivec_field::Field;
 use strivec_format::model::Scene;
 use strivec_format::random::Random;
@@ -30,7 +30,7 @@ pub(super) struct CellKind {
 }
 
 impl Cells {
-    pub(super) fn new(scenes: [&Scene; 2], views: &[View], config: &TrainConfig) -> Result<Self, TrainError> {
+    pub(super) fn new(scenes: [&Scene; 2], views: &[Photograph], config: &TrainConfig) -> Result<Self, TrainError> {
         let [before, _] = scenes;
         let field = Field::<f32>::new(before);
         let mut sampler = RaySampler::new(views, &before.frame, config)?;

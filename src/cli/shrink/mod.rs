@@ -13,7 +13,7 @@ use report::{Report, ScaleUse};
 use super::output::check_scene_name;
 use super::settings::{Basics, Precision, Preset};
 use super::state_file::{StateFile, run_steps};
-use super::{Error, Session, check_output, quantity, scene_file, write_atomically};
+use super::{Context, Error, check_output, quantity, scene_file, write_atomically};
 use strivec_capture::dataset;
 use strivec_format::container;
 use strivec_format::container::{EncodeOptions, Metadata};
@@ -41,7 +41,7 @@ const MEETS_GOAL: &str = "the scene meets the goal already";
 #[command(after_help = EXAMPLES)]
 pub(super) struct Args {
     #[command(flatten)]
-    goal: Goal,
+    goal: ShrinkTarget,
     /// Optimizer steps [default: a quarter of the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
@@ -77,7 +77,7 @@ pub(super) struct Args {
 /// The goal of shrinking.
 #[derive(Debug, clap::Args)]
 #[group(multiple = false)]
-struct Goal {
+struct ShrinkTarget {
     /// Shrink to at most N parameters, as in 500k or 3.5M
     #[arg(long, value_name = "N", value_parser = quantity::count)]
     max_params: Option<u64>,
@@ -91,7 +91,7 @@ fn loss(text: &str) -> Result<f64, String> {
 }
 
 /// Shrinks, and reports the result.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let goal = match (args.goal.max_params, args.goal.max_loss) {
         (Some(most), _) => Some(ShrinkGoal::Parameters(most)),
         (None, most) => most.map(ShrinkGoal::Loss),
@@ -156,7 +156,7 @@ impl Args {
 
     /// Writes `scene`, with what stays true of the `metadata` of the scene before, and the picture of `cells`. Returns
     /// the bytes of the scene's file.
-    fn write(&self, scene: &Scene, cells: &Cells, metadata: &Metadata, session: &Session) -> Result<u64, Error> {
+    fn write(&self, scene: &Scene, cells: &Cells, metadata: &Metadata, session: &Context) -> Result<u64, Error> {
         let metadata = Metadata {
             license: metadata.license.clone(),
             views: metadata.views.clone(),

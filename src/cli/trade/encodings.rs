@@ -1,10 +1,10 @@
 //! The scene as decoded from other encodings.
 
-use super::sweep::Source;
-use crate::{Error, Session};
+use super::sweep::SweepScene;
+use crate::{Context, Error};
 use strivec_format::container::{EncodeOptions, Encoding, Limits, Metadata, decode_scene_file, encode_scene_file};
 use strivec_format::model::Scene;
-use strivec_train::pack::{Distortion, Goal, balance, probe_views, search};
+use strivec_train::pack::{Goal, ReferencePictures, balance, probe_views, search};
 use strivec_train::recipe::{JUDGED, PROBED};
 
 /// Encodings that treat all factors alike, and their names.
@@ -14,12 +14,12 @@ const PLAIN: [(&str, Encoding); 3] =
 const LOSSY: [f64; 3] = [60.0, 52.0, 45.0];
 
 /// `scene` after encoding and decoding, once per encoding.
-pub(super) fn encoded(scene: &Scene, metadata: &Metadata, session: &Session) -> Result<Vec<Source>, Error> {
+pub(super) fn encoded(scene: &Scene, metadata: &Metadata, session: &Context) -> Result<Vec<SweepScene>, Error> {
     let failed = |e: strivec_format::container::Error| Error::Runtime(e.to_string());
-    let source = |name: String, scene: &Scene, options: &EncodeOptions| -> Result<Source, Error> {
+    let source = |name: String, scene: &Scene, options: &EncodeOptions| -> Result<SweepScene, Error> {
         let bytes = encode_scene_file(scene, &Metadata::default(), options).map_err(failed)?;
         let scene = decode_scene_file(&bytes, Limits { memory: u64::MAX }).map_err(failed)?.scene;
-        Ok(Source { name, scene, bytes: bytes.len() as u64 })
+        Ok(SweepScene { name, scene, bytes: bytes.len() as u64 })
     };
     let mut sources = Vec::new();
     let mut balanced = scene.clone();
@@ -32,7 +32,7 @@ pub(super) fn encoded(scene: &Scene, metadata: &Metadata, session: &Session) -> 
     session.console.say("estimating importance");
     let probed = |count| probe_views(scene, metadata.views.as_ref(), &metadata.cameras, count, JUDGED.1);
     let importance = probed(PROBED.0).importance(scene, PROBED.1, 0);
-    let distortion = Distortion::from_own_pictures(scene, probed(JUDGED.0));
+    let distortion = ReferencePictures::from_own_pictures(scene, probed(JUDGED.0));
     for psnr in LOSSY {
         session.console.say(&format!("encoding at {psnr} dB"));
         let goal = Goal::Error { before: 0.0, more: 10f64.powf(-psnr / 10.0) };

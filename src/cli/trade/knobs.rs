@@ -68,7 +68,7 @@ pub(super) fn knobs(space: &SearchSpace<'_>) -> Vec<Knob> {
 }
 
 /// A value that may be combined with those of other knobs, and its measurement alone.
-struct Value {
+struct KnobValue {
     candidate: Candidate,
     /// Share of the base's time.
     time: f64,
@@ -96,19 +96,19 @@ pub(super) fn combinations(
     let most_error = (base.error + scene_error) * 10f64.powf(MAX_LOSS / 10.0);
     // Threads and arithmetic depend on the machine and are measured alone.
     let combined = knobs.iter().filter(|knob| !matches!(knob.name, "threads" | "arithmetic"));
-    let values: Vec<Vec<Value>> = combined
+    let values: Vec<Vec<KnobValue>> = combined
         .map(|knob| {
             let measured = |c: &Candidate| alone.iter().find(|(other, _)| other == c).map(|(_, m)| m);
-            let mut values: Vec<Value> = (knob.candidates.iter())
+            let mut values: Vec<KnobValue> = (knob.candidates.iter())
                 .filter_map(|candidate| {
                     let found = measured(candidate)?;
                     let (time, error) = (found.ratio, found.error - base.error);
                     let is_useful = time < MIN_GAIN && found.error + scene_error < most_error;
-                    is_useful.then(|| Value { candidate: candidate.clone(), time, error })
+                    is_useful.then(|| KnobValue { candidate: candidate.clone(), time, error })
                 })
                 .collect();
             // Keep the values that save the most time per error.
-            let worth = |value: &Value| -value.time.ln() / value.error.max(1e-9);
+            let worth = |value: &KnobValue| -value.time.ln() / value.error.max(1e-9);
             values.sort_by(|a, b| worth(b).total_cmp(&worth(a)));
             values.truncate(VALUES);
             values

@@ -17,14 +17,14 @@ use candidate::{Candidate, Engine};
 use knobs::{SearchSpace, combinations, knobs};
 use measured::{Belongs, Log, Measured};
 use report::{Report, Row, stored_front};
-use sweep::{Source, Sweep};
-use views::Views;
+use sweep::{Sweep, SweepScene};
+use views::SweepCameras;
 
 use super::backend::Backend;
 use super::dataset::DatasetOptions;
 use super::output::make_folder;
 use super::table::plural;
-use super::{Error, Session, scene_file, write_atomically};
+use super::{Context, Error, scene_file, write_atomically};
 use strivec_field::render::{ParetoFront, RenderSettings, TRADE_NOTE};
 use strivec_format::container;
 use strivec_format::container::{Metadata, SceneFile};
@@ -90,21 +90,21 @@ pub(super) struct Args {
 }
 
 /// Measures render settings of the scene in the file, reports, and stores the front if asked to.
-pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
+pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let file = &args.file;
     let console = &session.console;
     let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read(file, console)?;
     let views = match &args.data {
         Some(folder) => {
             let options = args.dataset.load_options(args.downscale);
-            Views::of_dataset(folder, &args.split, &options, args.views.into(), &scene, console)?
+            SweepCameras::of_dataset(folder, &args.split, &options, args.views.into(), &scene, console)?
         }
-        None => Views::own(&scene, &metadata, args.views.into(), args.size, console)?,
+        None => SweepCameras::own(&scene, &metadata, args.views.into(), args.size, console)?,
     };
     // The difference to photographs includes the scene's error already.
     let scene_error = if args.data.is_some() { 0.0 } else { scene_file::scene_error(&metadata) };
     let name = file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    let own = Source { name: name.clone(), scene: scene.clone(), bytes: bytes.len() as u64 };
+    let own = SweepScene { name: name.clone(), scene: scene.clone(), bytes: bytes.len() as u64 };
     let (sources, checksums) = sources(own, &metadata, crc32fast::hash(&bytes), args, session)?;
 
     make_folder(&args.out)?;
@@ -141,18 +141,18 @@ pub(super) fn run(args: &Args, session: &Session) -> Result<(), Error> {
 
 /// All scenes of the sweep, beginning with the file's `own`, which has `metadata`, and the CRC-32 of each file.
 fn sources(
-    own: Source,
+    own: SweepScene,
     metadata: &Metadata,
     checksum: u32,
     args: &Args,
-    session: &Session,
-) -> Result<(Vec<Source>, Vec<u32>), Error> {
+    session: &Context,
+) -> Result<(Vec<SweepScene>, Vec<u32>), Error> {
     let (mut sources, mut checksums) = (vec![own], vec![checksum]);
     for path in &args.also {
         let (SceneFile { scene, .. }, bytes) = scene_file::read(path, &session.console)?;
         checksums.push(crc32fast::hash(&bytes));
         let name = path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-        sources.push(Source { name, scene, bytes: bytes.len() as u64 });
+        sources.push(SweepScene { name, scene, bytes: bytes.len() as u64 });
     }
     if args.encodings {
         sources.extend(encodings::encoded(&sources[0].scene, metadata, session)?);

@@ -14,11 +14,11 @@ pub(super) struct Plot {
     pub(super) title: String,
     /// Labels of the horizontal axis, which is logarithmic, and of the vertical one.
     pub(super) axes: [&'static str; 2],
-    pub(super) points: Vec<Point>,
+    pub(super) points: Vec<PlotPoint>,
 }
 
 /// A point of a plot.
-pub(super) struct Point {
+pub(super) struct PlotPoint {
     pub(super) at: [f64; 2],
     pub(super) name: String,
     pub(super) is_on_front: bool,
@@ -86,18 +86,18 @@ impl Plot {
             .x_label_formatter(&|v| if *v >= 10.0 { format!("{v:.0}") } else { format!("{v:.2}") })
             .y_label_formatter(&|v| format!("{v:.1}"))
             .draw()?;
-        let (mut front, others): (Vec<&Point>, Vec<&Point>) = self.points.iter().partition(|p| p.is_on_front);
+        let (mut front, others): (Vec<&PlotPoint>, Vec<&PlotPoint>) = self.points.iter().partition(|p| p.is_on_front);
         front.sort_by(|a, b| a.at[0].total_cmp(&b.at[0]));
-        let coordinates = |point: &&Point| (point.at[0], point.at[1]);
+        let coordinates = |point: &&PlotPoint| (point.at[0], point.at[1]);
         chart.draw_series(LineSeries::new(front.iter().map(coordinates), FRONT.stroke_width(2)))?;
         chart.draw_series(others.iter().map(|p| Circle::new(coordinates(p), 3, OTHER.filled())))?;
         chart.draw_series(front.iter().map(|p| Circle::new(coordinates(p), 5, FRONT.filled())))?;
         // No name overlaps a point, the front's line or another name. Names without a free place are in the table only.
-        let pixel = |point: &&Point| chart.backend_coord(&coordinates(point));
-        let mut taken: Vec<Place> = self.points.iter().map(|p| Place::around(pixel(&p), 4)).collect();
+        let pixel = |point: &&PlotPoint| chart.backend_coord(&coordinates(point));
+        let mut taken: Vec<PlotArea> = self.points.iter().map(|p| PlotArea::around(pixel(&p), 4)).collect();
         taken.extend(front.windows(2).flat_map(|ends| along(pixel(&ends[0]), pixel(&ends[1]))));
         let (columns, rows) = chart.plotting_area().get_pixel_range();
-        let chart_place = Place([columns.start, rows.start, columns.end, rows.end]);
+        let chart_place = PlotArea([columns.start, rows.start, columns.end, rows.end]);
         let font = |height: i32, color: &RGBColor| (FONT, height).into_font().color(color);
         let list_top = 48;
         list.draw(&Text::new("Pareto front, from left to right", (0, list_top), font(16, &BLACK)))?;
@@ -105,13 +105,13 @@ impl Plot {
             let number = (n + 1).to_string();
             let at = (0, list_top + 26 + (n as i32) * FRONT_LINE);
             list.draw(&Text::new(format!("{number}  {}", point.name), at, font(14, &BLACK)))?;
-            if let Some(place) = Place::beside(pixel(point), &number, 15, &chart_place, &taken) {
+            if let Some(place) = PlotArea::beside(pixel(point), &number, 15, &chart_place, &taken) {
                 area.draw(&Text::new(number, place.corner(), font(15, &BLACK)))?;
                 taken.push(place);
             }
         }
         for point in others {
-            if let Some(place) = Place::beside(pixel(&point), &point.name, 12, &chart_place, &taken) {
+            if let Some(place) = PlotArea::beside(pixel(&point), &point.name, 12, &chart_place, &taken) {
                 area.draw(&Text::new(point.name.clone(), place.corner(), font(12, &OTHER)))?;
                 taken.push(place);
             }
@@ -123,9 +123,9 @@ impl Plot {
 
 /// A rectangle of pixels: left, top, right, bottom.
 #[derive(Clone, Copy)]
-struct Place([i32; 4]);
+struct PlotArea([i32; 4]);
 
-impl Place {
+impl PlotArea {
     fn around((x, y): (i32, i32), by: i32) -> Self {
         Self([x - by, y - by, x + by, y + by])
     }
@@ -160,8 +160,8 @@ impl Place {
 }
 
 /// Rectangles that cover the line from `from` to `to`.
-fn along(from: (i32, i32), to: (i32, i32)) -> impl Iterator<Item = Place> {
+fn along(from: (i32, i32), to: (i32, i32)) -> impl Iterator<Item = PlotArea> {
     let count = ((to.0 - from.0).abs().max((to.1 - from.1).abs()) / 3).max(1);
     let at = move |a: i32, b: i32, n: i32| a + (b - a) * n / count;
-    (0..=count).map(move |n| Place::around((at(from.0, to.0, n), at(from.1, to.1, n)), 1))
+    (0..=count).map(move |n| PlotArea::around((at(from.0, to.0, n), at(from.1, to.1, n)), 1))
 }

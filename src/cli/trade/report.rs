@@ -8,13 +8,13 @@ use super::candidate::Candidate;
 use super::measured::{Measured, SAME};
 use super::pareto::front;
 use super::plot::{self, Plot};
-use super::sweep::Source;
-use super::views::Views;
+use super::sweep::SweepScene;
+use super::views::SweepCameras;
 use crate::render::colors;
 use crate::table::Table;
-use crate::{Error, Session, write_atomically};
+use crate::{Context, Error, write_atomically};
 use strivec_field::render::{ParetoFront, ParetoPoint, upsample_bilinear};
-use strivec_measure::{Canvas, ERROR_FULL, color_png, error_map, side_by_side, stacked};
+use strivec_measure::{ERROR_FULL, Sheet, color_png, error_map, side_by_side, stacked};
 
 /// How to read the times of the table.
 const TIMES_NOTE: &str = "
@@ -58,7 +58,7 @@ impl Row {
     pub(super) fn all(
         measured: Vec<(&'static str, Candidate, Measured)>,
         base: &Candidate,
-        sources: &[Source],
+        sources: &[SweepScene],
     ) -> Vec<Self> {
         let names: Vec<String> = sources.iter().map(|source| source.name.clone()).collect();
         let front_by = |x: &dyn Fn(&(&'static str, Candidate, Measured)) -> f64| {
@@ -186,7 +186,7 @@ impl Report {
                 title: format!("{}: {name} against PSNR, {}", self.file, self.against),
                 axes: [axis, "PSNR, dB"],
                 points: points
-                    .map(|row| plot::Point {
+                    .map(|row| plot::PlotPoint {
                         at: [value(row), row.measured.psnr],
                         name: row.name.clone(),
                         is_on_front: is_on_front(row),
@@ -208,10 +208,10 @@ impl Report {
     pub(super) fn write_pictures(
         &self,
         folder: &Path,
-        source: &Source,
+        source: &SweepScene,
         base: &Candidate,
-        views: &Views,
-        session: &Session,
+        views: &SweepCameras,
+        session: &Context,
     ) -> Result<(), Error> {
         let view = &views.views[0];
         let size = [view.camera.width, view.camera.height];
@@ -223,7 +223,7 @@ impl Report {
             let small = renderer.render(&view.camera.downscaled(point.settings.divisor))?;
             let drawn = colors(&upsample_bilinear(&small, size));
             let difference = error_map(&drawn, &view.truth, ERROR_FULL)?;
-            let pictures = [drawn, view.truth.clone(), difference].map(|colors| Canvas { size, colors });
+            let pictures = [drawn, view.truth.clone(), difference].map(|colors| Sheet { size, colors });
             rows.push(side_by_side(&pictures));
         }
         let sheet = stacked(&rows);

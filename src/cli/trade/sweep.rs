@@ -5,19 +5,19 @@ use std::time::Instant;
 use super::candidate::{Candidate, Engine};
 use super::measured::{Log, Measured, Visit};
 use super::pareto::below_front;
-use super::views::{View, Views};
+use super::views::{SweepCamera, SweepCameras};
 use crate::backend::{BackendOptions, Prepared};
 use crate::console::Console;
 use crate::progress::Progress;
 use crate::render::colors;
 use crate::table::plural;
-use crate::{Error, Session};
+use crate::{Context, Error};
 use strivec_field::render::{Approximation, upsample_bilinear};
 use strivec_format::model::Scene;
 use strivec_measure::{Error as MeasureError, mse, ssim};
 
 /// A scene that candidates render.
-pub(super) struct Source {
+pub(super) struct SweepScene {
     pub(super) name: String,
     pub(super) scene: Scene,
     /// Size of its file.
@@ -38,11 +38,11 @@ impl Engine {
 
 /// A sweep in progress.
 pub(super) struct Sweep<'a> {
-    pub(super) sources: &'a [Source],
-    pub(super) views: &'a Views,
+    pub(super) sources: &'a [SweepScene],
+    pub(super) views: &'a SweepCameras,
     pub(super) base: Candidate,
     pub(super) log: Log,
-    pub(super) session: &'a Session,
+    pub(super) session: &'a Context,
 }
 
 impl Sweep<'_> {
@@ -86,7 +86,7 @@ impl Sweep<'_> {
         candidate: &Candidate,
         shrunk: u32,
         round: usize,
-        view: &View,
+        view: &SweepCamera,
         quiet: &Console,
     ) -> Result<Visit, Error> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(candidate.threads).build();

@@ -17,7 +17,7 @@ use strivec_format::model::Scene;
 use strivec_train::pack::probe_views;
 
 /// A camera with its expected picture.
-pub(super) struct View {
+pub(super) struct SweepCamera {
     pub(super) camera: Camera,
     /// The photograph; without a dataset the exact picture.
     pub(super) truth: Vec<[f32; 3]>,
@@ -29,12 +29,12 @@ pub(super) struct View {
 type MaskedPhotograph = (Vec<[f32; 3]>, Option<Vec<bool>>);
 
 /// All views, and their description.
-pub(super) struct Views {
-    pub(super) views: Vec<View>,
+pub(super) struct SweepCameras {
+    pub(super) views: Vec<SweepCamera>,
     pub(super) what: String,
 }
 
-impl Views {
+impl SweepCameras {
     /// `count` photographs of the dataset's `split`, evenly spaced.
     pub(super) fn of_dataset(
         folder: &Path,
@@ -87,7 +87,7 @@ impl Views {
                 let counts = |n: usize| mask.as_ref().is_none_or(|mask| mask[n]);
                 truth.iter_mut().zip(photograph).enumerate().filter(|(n, _)| counts(*n)).for_each(|(_, (t, p))| *t = p);
             }
-            views.push(View { camera, truth, exact });
+            views.push(SweepCamera { camera, truth, exact });
         }
         Ok(Self { views, what })
     }
@@ -98,7 +98,7 @@ impl Views {
     }
 }
 
-impl View {
+impl SweepCamera {
     /// The view, `by` times smaller.
     pub(super) fn shrunk(&self, by: u32) -> Self {
         let size = [self.camera.width, self.camera.height];

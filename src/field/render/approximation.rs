@@ -1,6 +1,7 @@
 //! Approximations: options that trade exactness for speed. All are off by default.
 
 use strivec_format::model::{DecoderMode, Rules, Scene};
+use strivec_format::{Invalid, Place};
 
 /// The approximations of a renderer. By default there are none: pictures agree with the reference's within tolerance.
 ///
@@ -47,18 +48,6 @@ impl OwnThresholds {
     }
 }
 
-/// The first option of an [`Approximation`] that is invalid for a scene.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("`{option}` must be {expected}; found {found}")]
-pub struct ApproximationError {
-    /// The field of [`Approximation`].
-    pub option: &'static str,
-    /// The valid values.
-    pub expected: String,
-    /// The value found.
-    pub found: String,
-}
-
 impl Approximation {
     /// True if no approximation is on.
     pub fn is_exact(&self) -> bool {
@@ -70,12 +59,12 @@ impl Approximation {
     /// # Errors
     ///
     /// If an option is out of range. The error names the first one.
-    pub fn check(&self, scene: &Scene) -> Result<(), ApproximationError> {
+    pub fn check(&self, scene: &Scene) -> Result<(), Invalid> {
         if let Some(mode) = self.decoder.filter(|mode| scene.features() < mode.min_features()) {
             let [features, needed] = [scene.features(), mode.min_features()];
             let expected = format!("a mode for {features} appearance features");
             let found = format!("{}, which needs {needed}", mode.name());
-            return Err(ApproximationError { option: "decoder", expected, found });
+            return Err(Invalid::new(Place::option("decoder"), expected, found));
         }
         let fraction = |v: f64| (0.0..1.0).contains(&v);
         for (option, value, valid, expected) in [
@@ -89,7 +78,7 @@ impl Approximation {
             ),
         ] {
             if let Some(found) = value.filter(|_| !valid) {
-                return Err(ApproximationError { option, expected: expected.into(), found: found.to_string() });
+                return Err(Invalid::new(Place::option(option), expected, found));
             }
         }
         Ok(())

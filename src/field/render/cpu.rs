@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 
 use super::approximation::OwnThresholds;
-use super::{Approximation, ApproximationError, Picture, Pixel, Renderer};
+use super::{Approximation, Picture, Pixel, Renderer};
 use crate::{Activations, Field, Pool, Real, Samples, Stage, Work, add_compensated, vectorized};
+use strivec_format::Invalid;
 use strivec_format::geometry::{Camera, Ray};
 use strivec_format::model::{DecoderMode, Scene, softplus};
 
@@ -57,7 +58,7 @@ pub struct TraceInfo {
 
 /// Scratch of a tile, reused from one to the next.
 #[derive(Default)]
-struct Scratch<T> {
+struct TileScratch<T> {
     samples: Samples<T>,
     activations: Activations<T>,
 }
@@ -82,12 +83,12 @@ impl<T: Real> CpuRenderer<T> {
     /// # Errors
     ///
     /// If an option is out of range for this scene.
-    pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, ApproximationError> {
+    pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, Invalid> {
         approximation.check(&scene)?;
         // Raised thresholds need the scene's own, by which they give the weight of skipped samples to shaded ones.
         let own = approximation.reduce(&mut scene);
         // Each scale's factors leave the scene as they are converted: 147 instead of 266 MB for a scene of 74 MB.
-        Ok(Self { field: Field::taking(&mut scene), own })
+        Ok(Self { field: Field::from_scene(&mut scene), own })
     }
 
     /// The most bytes of memory that tracing a ray takes.
@@ -116,7 +117,7 @@ impl<T: Real> CpuRenderer<T> {
         map_chunks(
             rays,
             #[inline(always)]
-            |chunk, (scratch, points): &mut (Scratch<T>, Samples<T>)| {
+            |chunk, (scratch, points): &mut (TileScratch<T>, Samples<T>)| {
                 let mut infos = Vec::with_capacity(chunk.len());
                 self.trace_chunk(chunk, scratch, |pixel| infos.push(TraceInfo { pixel, ..TraceInfo::default() }));
                 for (index, (info, ray)) in infos.iter_mut().zip(chunk).enumerate() {
@@ -150,8 +151,8 @@ impl<T: Real> CpuRenderer<T> {
 
     /// Calls `take` with the pixel of each of `rays`, in their order. Returns time and counts by stage.
     #[inline(always)]
-    fn trace_chunk(&self, rays: &[Ray], scratch: &mut Scratch<T>, mut take: impl FnMut(Pixel)) -> Work {
-        let Scratch { samples, activations } = scratch;
+    fn trace_chunk(&self, rays: &[Ray], scratch: &mut TileScratch<T>, mut take: impl FnMut(Pixel)) -> Work {
+        let TileScratch { samples, activations } = scratch;
         self.field.march(rays, samples);
         // In parts, so that the rows of a part are still in the cache from layer to layer.
         let max_shaded = match self.field.decoder.mode {
@@ -233,7 +234,7 @@ impl<T: Real> CpuRenderer<T> {
     pub fn render_with_work(&self, camera: &Camera) -> (Picture, Work) {
         let (width, height) = (camera.width, camera.height);
         let mut pixels = vec![Pixel::default(); width as usize * height as usize];
-        let pool = Pool::<Scratch<T>>::default();
+        let pool = Pool::<TileScratch<T>>::default();
         let works: Vec<Work> = (tiles(&mut pixels, width as usize).into_par_iter())
             .with_max_len(TILES_PER_TASK)
             .map(|tile| {
@@ -252,7 +253,7 @@ impl<T: Real> CpuRenderer<T> {
 
     /// Renders the pixels of `tile` as seen by `camera`. Returns time and counts by stage.
     #[inline(always)]
-    fn render_tile(&self, camera: &Camera, tile: Tile, scratch: &mut Scratch<T>) -> Work {
+    fn render_tile(&self, camera: &Camera, tile: Tile, scratch: &mut TileScratch<T>) -> Work {
         let [left, top] = tile.corner;
         let (mut rays, mut pixels) = (Vec::with_capacity(TILE * TILE), Vec::with_capacity(TILE * TILE));
         for (y, row) in (top..).zip(tile.rows) {

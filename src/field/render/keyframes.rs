@@ -7,6 +7,7 @@ use serde::de::{Error as _, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use strivec_format::geometry::{Camera, CameraPath, Keyframe, NotRigid, PathError, Viewpoint, rigid};
+use strivec_format::{Invalid, Place};
 
 /// The value of the key `format`.
 const FORMAT: &str = "strivec-camera-path";
@@ -30,22 +31,18 @@ pub enum KeyframesError {
     #[error("not the JSON of a camera path: {0}")]
     Json(#[from] serde_json::Error),
     /// The key `format` has another value.
-    #[error("`format` must be {FORMAT:?}, but is {0:?}")]
-    Format(String),
+    #[error(transparent)]
+    Format(Invalid),
     /// A version that this build does not support.
     #[error("this build reads version {VERSION} of camera paths, this file has version {0}")]
     Version(u64),
     /// An invalid camera of a keyframe.
-    #[error("keyframe {index}: `{key}` must be {expected}; found {found}")]
+    #[error("keyframe {index}: {invalid}")]
     Camera {
         /// The keyframe's index, from 0.
         index: usize,
-        /// The JSON key.
-        key: &'static str,
-        /// The valid values.
-        expected: String,
-        /// The value found, or `none`.
-        found: String,
+        /// The JSON key with its value.
+        invalid: Invalid,
     },
     /// Keyframes that do not form a path.
     #[error(transparent)]
@@ -54,14 +51,14 @@ pub enum KeyframesError {
 
 /// Read first, so that another version is not reported as a malformed file.
 #[derive(Deserialize)]
-struct Header {
+struct KeyframesHeader {
     format: String,
     version: u64,
 }
 
 #[derive(Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
-struct File {
+struct KeyframesFile {
     format: String,
     version: u64,
     #[serde(deserialize_with = "bounded_keyframes")]
@@ -95,14 +92,19 @@ pub fn read_keyframes(bytes: &[u8]) -> Result<CameraPath, KeyframesError> {
         return Err(KeyframesError::TooLarge);
     }
     // First the head alone, so that a file of another format or version is refused as such, not for a missing key.
-    let Header { format, version } = serde_json::from_slice(bytes)?;
+    let KeyframesHeader { format, version } = serde_json::from_slice(bytes)?;
     if format != FORMAT {
-        return Err(KeyframesError::Format(format));
+        let place = Place::Key("format".into());
+        return Err(KeyframesError::Format(Invalid::new(
+            place,
+            format_args!("{FORMAT:?}"),
+            format_args!("{format:?}"),
+        )));
     }
     if version != VERSION {
         return Err(KeyframesError::Version(version));
     }
-    let file: File = serde_json::from_slice(bytes)?;
+    let file: KeyframesFile = serde_json::from_slice(bytes)?;
     let keyframes = file.keyframes.iter().enumerate().map(|(index, moment)| moment.keyframe(index));
     Ok(CameraPath::new(keyframes.collect::<Result<_, _>>()?)?)
 }
@@ -110,7 +112,7 @@ pub fn read_keyframes(bytes: &[u8]) -> Result<CameraPath, KeyframesError> {
 /// The file of `path`. [`read_keyframes`] accepts it if the path has at most [`MAX_KEYFRAMES`] keyframes.
 pub fn write_keyframes(path: &CameraPath) -> String {
     let keyframes = path.keyframes().iter().map(Moment::from).collect();
-    let file = File { format: FORMAT.into(), version: VERSION, keyframes };
+    let file = KeyframesFile { format: FORMAT.into(), version: VERSION, keyframes };
     serde_json::to_string_pretty(&file).expect("plain data") + "\n"
 }
 
@@ -132,11 +134,9 @@ impl From<&Keyframe> for Moment {
 
 impl Moment {
     fn keyframe(&self, index: usize) -> Result<Keyframe, KeyframesError> {
-        let refused = |key, expected: &str, found: String| KeyframesError::Camera {
+        let refused = |key: &str, expected: &str, found: String| KeyframesError::Camera {
             index,
-            key,
-            expected: expected.into(),
-            found,
+            invalid: Invalid::new(Place::Key(key.into()), expected, found),
         };
         let degrees = self.vertical_fov_degrees;
         if !FIELD_OF_VIEW.contains(&degrees) {
@@ -263,7 +263,7 @@ mod tests {
             ("[]".into(), "not the JSON of a camera path"),
             (
                 file("").replace("strivec-camera-path", "gltf"),
-                "`format` must be \"strivec-camera-path\", but is \"gltf\"",
+                "`format` must be \"strivec-camera-path\"; found \"gltf\"",
             ),
             (file("").replace("1,", "2,"), "this build reads version 1 of camera paths, this file has version 2"),
             (file("").replace("1,", "-1,"), "expected u64 at line 1"),

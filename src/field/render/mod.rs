@@ -11,11 +11,11 @@ mod reference;
 mod turntable;
 mod upsample;
 
-pub use approximation::{Approximation, ApproximationError};
+pub use approximation::Approximation;
 pub use cpu::{CpuRenderer, TraceInfo};
 pub use keyframes::{KeyframesError, MAX_KEYFRAMES, MAX_KEYFRAMES_BYTES, read_keyframes, write_keyframes};
 pub use orbit::Orbit;
-pub use pareto::{ParetoError, ParetoFront, ParetoPoint, QualitySelector, RenderSettings, TRADE_NOTE};
+pub use pareto::{ParetoFront, ParetoPoint, QualitySelector, RenderSettings, TRADE_NOTE};
 pub use reference::{ReferenceRenderer, Trace};
 pub use turntable::{Gaze, Turntable};
 pub use upsample::upsample_bilinear;

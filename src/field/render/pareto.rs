@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::Approximation;
+use strivec_format::Invalid;
 use strivec_format::psnr::psnr_of_mse;
 
 /// The key of the note.
@@ -81,53 +82,35 @@ pub enum QualitySelector {
     Psnr(f64),
 }
 
-/// An invalid stored [`ParetoFront`], or a [`QualitySelector`] that matches none of its points.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{what} must be {expected}; found {found}")]
-pub struct ParetoError {
-    /// The invalid part of the note, or the kind of the selector.
-    pub what: String,
-    /// The valid values.
-    pub expected: String,
-    /// The value found.
-    pub found: String,
-}
-
-impl ParetoError {
-    fn new(what: impl Into<String>, expected: impl Into<String>, found: impl ToString) -> Self {
-        Self { what: what.into(), expected: expected.into(), found: found.to_string() }
-    }
-}
-
 impl ParetoFront {
     /// The front in a file's `notes`; `None` if there is none.
     ///
     /// # Errors
     ///
     /// If the note is not a valid front of version 1.
-    pub fn from_notes(notes: &BTreeMap<String, String>) -> Option<Result<Self, ParetoError>> {
+    pub fn from_notes(notes: &BTreeMap<String, String>) -> Option<Result<Self, Invalid>> {
         notes.get(TRADE_NOTE).map(|text| Self::parse(text))
     }
 
-    fn parse(text: &str) -> Result<Self, ParetoError> {
+    fn parse(text: &str) -> Result<Self, Invalid> {
         let note = format!("note {TRADE_NOTE}");
         let trade: Self = serde_json::from_str(text)
             .and_then(|mut front| {
                 drop_removed(&mut front);
                 serde_json::from_value(front)
             })
-            .map_err(|e| ParetoError::new(&note, "a Pareto front as JSON", e))?;
+            .map_err(|e| Invalid::new(&note, "a Pareto front as JSON", e))?;
         if trade.version != VERSION {
-            return Err(ParetoError::new(note + " version", VERSION.to_string(), trade.version));
+            return Err(Invalid::new(note + " version", VERSION.to_string(), trade.version));
         }
         if !(1..=MAX_POINTS).contains(&trade.points.len()) {
-            return Err(ParetoError::new(note + " points", format!("1 to {MAX_POINTS}"), trade.points.len()));
+            return Err(Invalid::new(note + " points", format!("1 to {MAX_POINTS}"), trade.points.len()));
         }
         for (n, point) in trade.points.iter().enumerate() {
             let ParetoPoint { settings: RenderSettings { divisor, .. }, milliseconds, psnr, .. } = *point;
             if !(milliseconds > 0.0 && milliseconds.is_finite() && psnr.is_finite() && (1..=16).contains(&divisor)) {
                 let found = format!("{milliseconds} ms, {psnr} dB, divisor {divisor}");
-                return Err(ParetoError::new(
+                return Err(Invalid::new(
                     format!("{note} point {n}"),
                     "a positive time, a finite PSNR and a divisor of 1 to 16",
                     found,
@@ -170,7 +153,7 @@ impl ParetoFront {
     /// # Errors
     ///
     /// If no point matches.
-    pub fn pick(&self, selector: &QualitySelector, size: [u32; 2]) -> Result<&ParetoPoint, ParetoError> {
+    pub fn pick(&self, selector: &QualitySelector, size: [u32; 2]) -> Result<&ParetoPoint, Invalid> {
         let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
         // Time is proportional to the number of pixels.
         let scale = pixels(size) / pixels(self.size).max(1.0);
@@ -185,13 +168,13 @@ impl ParetoFront {
             QualitySelector::Name(name) => {
                 let names = || self.points.iter().flat_map(|p| p.names.clone()).collect::<Vec<_>>().join(", ");
                 let found = self.points.iter().find(|p| p.names.contains(name));
-                found.ok_or_else(|| ParetoError::new("the quality", format!("one of {}", names()), name))
+                found.ok_or_else(|| Invalid::new("the quality", format!("one of {}", names()), name))
             }
             QualitySelector::FramesPerSecond(fps) => {
                 let fast = self.points.iter().filter(|p| scale * p.milliseconds * fps <= 1000.0);
                 let best = fast.max_by(|a, b| a.psnr.total_cmp(&b.psnr));
                 best.ok_or_else(|| {
-                    ParetoError::new(
+                    Invalid::new(
                         "the number of frames per second",
                         format!("one that a stored point reaches ({})", all()),
                         fps,
@@ -202,7 +185,7 @@ impl ParetoFront {
                 let good = self.points.iter().filter(|p| p.psnr >= *least);
                 let fastest = good.min_by(|a, b| a.milliseconds.total_cmp(&b.milliseconds));
                 fastest.ok_or_else(|| {
-                    ParetoError::new("the least PSNR", format!("one that a stored point reaches ({})", all()), least)
+                    Invalid::new("the least PSNR", format!("one that a stored point reaches ({})", all()), least)
                 })
             }
         }
@@ -321,7 +304,7 @@ mod tests {
         ] {
             assert!(note.contains(from), "{from} in {note}");
             let error = ParetoFront::parse(&note.replacen(from, to, 1)).unwrap_err();
-            assert!(error.what.starts_with("note trade"), "{error}");
+            assert!(error.place.to_string().starts_with("note trade"), "{error}");
         }
     }
 }

@@ -55,7 +55,7 @@ impl<'a> ReferenceRenderer<'a> {
     pub fn trace_while(&self, ray: &Ray, goes_on: impl Fn() -> bool) -> Option<Trace> {
         let scene = self.field.scene();
         let rules = &scene.rules;
-        let mut shading = Shading::new(scene.features() as usize);
+        let mut shading = ShadingSums::new(scene.features() as usize);
         let (mut weight_sum, mut distance_sum) = (0.0, 0.0);
         let mut transmittance = 1.0;
         let mut margin = self.field.margin_horizon();
@@ -134,7 +134,7 @@ impl<'a> ReferenceRenderer<'a> {
 }
 
 /// The sums over a ray's shaded samples, by decoder mode (spec 4.8).
-struct Shading {
+struct ShadingSums {
     /// Mode *per sample*: Σ w·color.
     color: [f64; 3],
     /// The other modes: Σ w and Σ w·F.
@@ -144,7 +144,7 @@ struct Shading {
     own_colors: Vec<(f64, [f64; 3])>,
 }
 
-impl Shading {
+impl ShadingSums {
     fn new(features: usize) -> Self {
         Self { color: [0.0; 3], weight: 0.0, features: vec![0.0; features], own_colors: Vec::new() }
     }

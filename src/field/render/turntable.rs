@@ -64,12 +64,12 @@ pub struct Turntable {
 }
 
 /// The pose of a photograph or a viewpoint, and its angle of view over the shorter side.
-struct Known {
+struct KnownPose {
     pose: Pose,
     angle: f64,
 }
 
-impl Known {
+impl KnownPose {
     fn axis(&self) -> Ray {
         Ray { origin: self.pose.position, direction: -(self.pose.rotation * DVec3::Z) }
     }
@@ -86,11 +86,11 @@ impl Turntable {
     pub fn of(scene: &Scene, views: Option<&Views>, cameras: &[TrainingCamera]) -> Option<Self> {
         let of_camera = |camera: &TrainingCamera| {
             let halves = [0, 1].map(|a| 0.5 * f64::from(camera.size[a]) / camera.focal[a]);
-            Known { pose: camera.pose, angle: 2.0 * halves[0].min(halves[1]).atan() }
+            KnownPose { pose: camera.pose, angle: 2.0 * halves[0].min(halves[1]).atan() }
         };
-        let known: Vec<Known> = match views {
+        let known: Vec<KnownPose> = match views {
             Some(views) if cameras.is_empty() => {
-                views.path.iter().map(|&pose| Known { pose, angle: views.angle_of_view }).collect()
+                views.path.iter().map(|&pose| KnownPose { pose, angle: views.angle_of_view }).collect()
             }
             _ => cameras.iter().map(of_camera).collect(),
         };
@@ -112,16 +112,16 @@ impl Turntable {
         Self { up, center: DVec3::ZERO, radius, height, gaze, first, swing: None, angle_of_view }
     }
 
-    fn of_known(scene: &Scene, known: &[Known], up: DVec3) -> Self {
+    fn of_known(scene: &Scene, known: &[KnownPose], up: DVec3) -> Self {
         let count = known.len() as f64;
         // Medians: a few cameras apart from the others must not move the turn.
         let position = DVec3::from([0, 1, 2].map(|a| median(known.iter().map(|k| k.pose.position[a]))));
         let mean_axis = known.iter().map(|k| k.axis().direction).sum::<DVec3>() / count;
         let convergence = |focus: &DVec3| {
-            let cosine = |k: &Known| (focus - k.pose.position).normalize_or_zero().dot(k.axis().direction);
+            let cosine = |k: &KnownPose| (focus - k.pose.position).normalize_or_zero().dot(k.axis().direction);
             known.iter().map(cosine).sum::<f64>() / count
         };
-        let focus = focus_of_axes(known.iter().map(Known::axis)).filter(|f| convergence(f) > MIN_CONVERGENCE);
+        let focus = focus_of_axes(known.iter().map(KnownPose::axis)).filter(|f| convergence(f) > MIN_CONVERGENCE);
         let focus = focus.or_else(|| {
             let ahead = mean_axis.try_normalize().filter(|_| mean_axis.length() > MIN_COMMON_AXIS)?;
             let distance = match scene.rules.contraction {
@@ -133,7 +133,7 @@ impl Turntable {
         let angle_of_view = median(known.iter().map(|k| k.angle)).clamp(0.02, 3.0);
         let level = |v: DVec3| v - v.dot(up) * up;
         let (gaze, center) = focus.map_or((Gaze::Outward, position), |focus| (Gaze::Inward, focus));
-        let from_center = |k: &Known| match gaze {
+        let from_center = |k: &KnownPose| match gaze {
             Gaze::Inward => level(k.pose.position - center),
             Gaze::Outward => level(k.axis().direction),
         };
@@ -258,16 +258,16 @@ impl Turntable {
 }
 
 /// The direction that is up in the pictures of `known`, if it differs much from `up`, the frame's.
-fn up_of(known: &[Known], up: DVec3) -> DVec3 {
+fn up_of(known: &[KnownPose], up: DVec3) -> DVec3 {
     let mean = known.iter().map(|k| k.pose.rotation * DVec3::Y).sum::<DVec3>() / known.len() as f64;
     let own = mean.try_normalize().filter(|own| mean.length() > MIN_MEAN_UP && own.dot(up) < MAX_TILT);
     own.unwrap_or(up)
 }
 
 /// True if most of `known` are outside of `bounds` and they are on all sides of it.
-fn surround(known: &[Known], bounds: &Aabb, up: DVec3) -> bool {
+fn surround(known: &[KnownPose], bounds: &Aabb, up: DVec3) -> bool {
     let inside = known.iter().filter(|k| bounds.contains(k.pose.position)).count();
-    let direction = |k: &Known| {
+    let direction = |k: &KnownPose| {
         let to = k.pose.position - bounds.center();
         (to - to.dot(up) * up).normalize_or_zero()
     };

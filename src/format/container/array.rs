@@ -5,13 +5,13 @@ use std::fmt::Display;
 
 use half::f16;
 
-use super::codec::adaptive::{self, Groups, Shape};
+use super::codec::adaptive::{self, ArrayShape, Groups};
 use super::encoding::{ArrayOptions, Encoding, Filter, GRID_BITS, integers, largest, step, step_code, write_integers};
 use super::error::Error;
 use super::limits::Budget;
 use super::payload::Body;
 use super::record::{BorrowDecode, Encode};
-use super::writer::{Compression, Finished, Place, Writer};
+use super::writer::{Compression, FinishedSection, SectionPlace, Writer};
 
 /// The codes of an array, at the end of its section's record; 4 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, BorrowDecode)]
@@ -23,7 +23,7 @@ pub(super) struct ArrayHead {
 }
 
 /// An array that is ready for a file.
-pub(super) struct Written {
+pub(super) struct EncodedArray {
     pub(super) head: ArrayHead,
     pub(super) body: Vec<u8>,
 }
@@ -36,7 +36,7 @@ pub(super) fn write(
     lengths: impl Iterator<Item = usize> + Clone,
     ArrayOptions { encoding, filter }: ArrayOptions,
     steps: Option<&[u8]>,
-) -> Result<Written, Error> {
+) -> Result<EncodedArray, Error> {
     let (code, bits) = encoding.codes();
     let filter_code = match filter {
         Filter::None => 0,
@@ -80,19 +80,19 @@ pub(super) fn write(
     if filter == Filter::Planes {
         to_planes(&mut body, encoding.width());
     }
-    Ok(Written { head, body })
+    Ok(EncodedArray { head, body })
 }
 
 /// The section of a `record` and a `body` that ends with an array in `encoding`, compressed if that makes it smaller. `shape`
 /// is asked for if integers are to be coded.
 pub(super) fn finished(
     compression: Compression,
-    place: Place,
+    place: SectionPlace,
     record: Vec<u8>,
     body: &[u8],
     encoding: Encoding,
-    shape: impl FnOnce(u8) -> Shape,
-) -> Result<Finished, Error> {
+    shape: impl FnOnce(u8) -> ArrayShape,
+) -> Result<FinishedSection, Error> {
     match encoding {
         Encoding::F32 | Encoding::F16 => compression.finished(place, record, body),
         Encoding::Grid(bits) => {
@@ -105,7 +105,7 @@ pub(super) fn finished(
 /// codes of its rows, or is empty for the finest steps. `record` makes its record from the array's head.
 pub(super) fn write_network(
     writer: &mut Writer,
-    place: Place,
+    place: SectionPlace,
     name: &dyn Display,
     values: &[f32],
     lengths: impl Iterator<Item = usize> + Clone,
@@ -117,7 +117,7 @@ pub(super) fn write_network(
     if let Some(steps) = steps {
         Error::unless_equal(format!("number of step codes of {name}"), rows, steps.len() as u64)?;
     }
-    let Written { head, body } = write(name, values, lengths.clone(), options, steps)?;
+    let EncodedArray { head, body } = write(name, values, lengths.clone(), options, steps)?;
     let shape = |bits| of_rows(bits, lengths);
     let section = finished(writer.compression(), place, record(head)?, &body, options.encoding, shape)?;
     writer.add(section);
@@ -148,7 +148,7 @@ pub(super) fn decode<'a>(
     length: u64,
     encoding: Encoding,
     budget: &mut Budget,
-    shape: impl FnOnce(u8) -> Shape,
+    shape: impl FnOnce(u8) -> ArrayShape,
 ) -> Result<Cow<'a, [u8]>, Error> {
     body.decode_by(length, budget, |bytes, _| {
         let Encoding::Grid(bits) = encoding else {
@@ -159,8 +159,8 @@ pub(super) fn decode<'a>(
 }
 
 /// The shape of an array of rows of these lengths.
-fn of_rows(bits: u8, lengths: impl Iterator<Item = usize>) -> Shape {
-    Shape { bits, masks: None, groups: Groups::Rows(lengths.collect()) }
+fn of_rows(bits: u8, lengths: impl Iterator<Item = usize>) -> ArrayShape {
+    ArrayShape { bits, masks: None, groups: Groups::Rows(lengths.collect()) }
 }
 
 /// Groups and numbers.

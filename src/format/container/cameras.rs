@@ -9,7 +9,7 @@ use super::payload::Payload;
 use super::pose::{Pose, PoseRecord};
 use super::record::{self, BorrowDecode, Count, Encode, Record};
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 use crate::digits::numbers;
 use crate::geometry::{Camera, Coefficients, Distortion, Lens, Projection};
 
@@ -113,7 +113,7 @@ pub(super) fn write(writer: &mut Writer, cameras: &[TrainingCamera]) -> Result<(
         body.extend(record::write(&"CAMERAS", &record)?);
     }
     let record = record::write(&"CAMERAS", &Count { count: cameras.len() as u64 })?;
-    writer.compressed(Place::whole(SectionKind::Cameras), record, &body)
+    writer.compressed(SectionPlace::whole(SectionKind::Cameras), record, &body)
 }
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Vec<TrainingCamera>, Error> {

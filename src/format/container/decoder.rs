@@ -9,7 +9,7 @@ use super::limits::{self, Budget};
 use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, List, Record};
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 use crate::model::{Decoder, DecoderMode, Linear};
 
 #[derive(Encode, BorrowDecode)]
@@ -54,7 +54,7 @@ struct LayerRecord {
 pub(super) fn write(writer: &mut Writer, decoder: &Decoder, options: (ArrayOptions, &[u8])) -> Result<(), Error> {
     let layers: Vec<_> = decoder.layers.iter().map(|l| LayerRecord { inputs: l.inputs, outputs: l.outputs }).collect();
     let numbers: Vec<f32> = decoder.layers.iter().flat_map(|l| l.weights.iter().chain(&l.bias)).copied().collect();
-    let place = Place::whole(SectionKind::Decoder);
+    let place = SectionPlace::whole(SectionKind::Decoder);
     array::write_network(writer, place, &"DECODER", &numbers, group_lengths(&layers), options, |head| {
         let record = DecoderRecord {
             mode: match decoder.mode {

@@ -6,7 +6,7 @@ use super::codec::Codec;
 use super::error::Error;
 use super::section::{Section, SectionKind};
 use super::table::{Contents, sections};
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 use super::{frame, notes};
 use crate::model::Frame;
 
@@ -26,7 +26,7 @@ pub fn with_frame(bytes: &[u8], frame: &Frame) -> Result<Vec<u8>, Error> {
     let mut writer = Writer::new(None);
     for section in contents.sections.iter().filter(|s| !s.uses_reserved) {
         if section.kind == SectionKind::Frame {
-            writer.record(Place::whole(SectionKind::Frame), frame::write(frame)?);
+            writer.record(SectionPlace::whole(SectionKind::Frame), frame::write(frame)?);
         } else {
             writer.verbatim(section, &bytes[section.range()]);
         }

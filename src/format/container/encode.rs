@@ -9,7 +9,7 @@ use super::encoding::{ArrayOptions, Encoding, Filter};
 use super::error::Error;
 use super::metadata::Metadata;
 use super::section::{Section, SectionKind};
-use super::writer::{Finished, Place, Rewriter};
+use super::writer::{FinishedSection, Rewriter, SectionPlace};
 use super::{
     chunks, decoder, factors, frame, limits, matrix, occupancy, parallel, placement, prefix, probes, provenance, rules,
     scale, table,
@@ -187,35 +187,35 @@ fn write(
     let is_same = |same: &dyn Fn(&Scene) -> bool| before.is_some_and(|before| same(before.scene));
 
     let same = is_same(&|b| b.frame == scene.frame);
-    out.put(Place::whole(SectionKind::Frame), same, |writer| {
-        writer.record(Place::whole(SectionKind::Frame), frame::write(&scene.frame)?);
+    out.put(SectionPlace::whole(SectionKind::Frame), same, |writer| {
+        writer.record(SectionPlace::whole(SectionKind::Frame), frame::write(&scene.frame)?);
         Ok(())
     })?;
     let same = is_same(&|b| b.rules == scene.rules && b.bounds == scene.bounds && b.scales.len() == scene.scales.len());
-    out.put(Place::whole(SectionKind::Rules), same, |writer| {
-        writer.record(Place::whole(SectionKind::Rules), rules::write(scene)?);
+    out.put(SectionPlace::whole(SectionKind::Rules), same, |writer| {
+        writer.record(SectionPlace::whole(SectionKind::Rules), rules::write(scene)?);
         Ok(())
     })?;
     let same = is_same(&|b| b.provenance == scene.provenance);
-    out.put(Place::whole(SectionKind::Provenance), same, |writer| {
-        writer.record(Place::whole(SectionKind::Provenance), provenance::write(&scene.provenance)?);
+    out.put(SectionPlace::whole(SectionKind::Provenance), same, |writer| {
+        writer.record(SectionPlace::whole(SectionKind::Provenance), provenance::write(&scene.provenance)?);
         Ok(())
     })?;
     metadata.write_head(&mut out, scene.scales.len(), before.map(|b| b.metadata))?;
     let same = is_same(&|b| b.decoder == scene.decoder);
-    out.put(Place::whole(SectionKind::Decoder), same, |writer| {
+    out.put(SectionPlace::whole(SectionKind::Decoder), same, |writer| {
         decoder::write(writer, &scene.decoder, (options.networks, &options.network_steps.decoder))
     })?;
     if let Some(occupancy) = &scene.occupancy {
         let same = is_same(&|b| b.occupancy.as_ref() == Some(occupancy));
-        out.put(Place::whole(SectionKind::Occupancy), same, |writer| occupancy::write(writer, occupancy))?;
+        out.put(SectionPlace::whole(SectionKind::Occupancy), same, |writer| occupancy::write(writer, occupancy))?;
     }
     for s in 0..scene.scales.len() {
         write_scale(&mut out, scene, s, options, before)?;
         if let Some(Some(correction)) = metadata.prefixes.get(s).filter(|_| s + 1 < scene.scales.len()) {
             let same = before.is_some_and(|b| b.metadata.prefixes.get(s) == metadata.prefixes.get(s));
             let steps = options.network_steps.prefixes.get(s).map_or(&[][..], Vec::as_slice);
-            out.put(Place::in_scale(SectionKind::Prefix, s as u16), same, |writer| {
+            out.put(SectionPlace::in_scale(SectionKind::Prefix, s as u16), same, |writer| {
                 prefix::write(writer, s as u16, correction, (options.networks, steps))
             })?;
         }
@@ -250,17 +250,19 @@ fn write_scale(
     let kept = original.filter(|_| chunk_of.is_some()).and_then(|original| KeptChunks::new(original, s, scale));
 
     let is_same = kept.as_ref().is_some_and(|kept| kept.is_whole(&chunks));
-    out.put(Place::in_scale(SectionKind::Scale, index), is_same, |writer| scale::write(writer, index, scale, &chunks))?;
+    out.put(SectionPlace::in_scale(SectionKind::Scale, index), is_same, |writer| {
+        scale::write(writer, index, scale, &chunks)
+    })?;
     let is_same = before.is_some_and(|before| before.appearance_matrix == scale.appearance_matrix);
-    out.put(Place::in_scale(SectionKind::Matrix, index), is_same, |writer| {
+    out.put(SectionPlace::in_scale(SectionKind::Matrix, index), is_same, |writer| {
         let steps = options.network_steps.matrices.get(s).map_or(&[][..], Vec::as_slice);
         matrix::write(writer, index, &scale.appearance_matrix, (options.networks, steps))
     })?;
 
     let compression = out.writer.compression();
-    let of_chunk = |(chunk, (&number, tensors)): (u32, (&u32, &Vec<u32>))| -> Result<[Finished; 3], Error> {
-        let place = |kind| Place::in_chunk(kind, index, chunk);
-        let copy = |kind| out.copied(Place::in_chunk(kind, index, number), place(kind));
+    let of_chunk = |(chunk, (&number, tensors)): (u32, (&u32, &Vec<u32>))| -> Result<[FinishedSection; 3], Error> {
+        let place = |kind| SectionPlace::in_chunk(kind, index, chunk);
+        let copy = |kind| out.copied(SectionPlace::in_chunk(kind, index, number), place(kind));
         let kept = kept.as_ref().and_then(|kept| Some((kept, kept.tensors(number, tensors)?)));
         let placement = match kept.filter(|(kept, _)| kept.same_numbering).and_then(|_| copy(SectionKind::Placement)) {
             Some(section) => section,
@@ -282,10 +284,10 @@ fn write_scale(
             {
                 return Ok(section);
             }
-            let codec = out.codec(Place::in_chunk(kind, index, if chunk_of.is_some() { number } else { 0 }));
+            let codec = out.codec(SectionPlace::in_chunk(kind, index, if chunk_of.is_some() { number } else { 0 }));
             let compression =
                 if keeps_encoding && codec == Some(Codec::Zstd) { compression.by_zstd() } else { compression };
-            let part = factors::Part { blocks, resolution: scale.cloud.resolution };
+            let part = factors::ScalePart { blocks, resolution: scale.cloud.resolution };
             factors::write(compression, place(kind), &part, tensors, wanted.array, wanted.steps.as_deref())
         };
         Ok([placement, factors(SectionKind::Density, 0)?, factors(SectionKind::Appearance, 1)?])

@@ -4,7 +4,7 @@ use std::fmt::Display;
 use std::ops::Range;
 
 use super::version::Version;
-use crate::model::BrokenInvariant;
+use crate::Invalid;
 
 /// The reason why a file was not read or a scene not written (spec 7).
 ///
@@ -78,15 +78,8 @@ pub enum Error {
         found: String,
     },
     /// A rule on the layout of bytes is broken.
-    #[error("malformed: {place} must be {expected}; found {found}")]
-    Malformed {
-        /// The field.
-        place: String,
-        /// The allowed values.
-        expected: String,
-        /// The value in the file.
-        found: String,
-    },
+    #[error("malformed: {0}")]
+    Malformed(Invalid),
     /// A section that every file must have.
     #[error("section {name} is missing")]
     MissingSection {
@@ -150,7 +143,7 @@ pub enum Error {
     /// A rule on values is broken: the scene breaks an invariant ([`crate::model::Scene::check`]), or a field of a
     /// section is outside its range (spec 3).
     #[error("not a valid scene: {0}")]
-    Scene(#[from] BrokenInvariant),
+    Scene(#[from] Invalid),
 }
 
 impl Error {
@@ -166,7 +159,7 @@ impl Error {
             Self::Unsupported { .. } => "code",
             Self::MissingSection { .. } => "missing",
             Self::Limit { .. } => "limit",
-            Self::Malformed { .. } => "malformed",
+            Self::Malformed(_) => "malformed",
             Self::Scene(_) => "value",
             Self::Budget { .. } => "budget",
             Self::Source { .. } | Self::Overflow { .. } | Self::Level { .. } | Self::Compression { .. } => return None,
@@ -185,13 +178,12 @@ impl Error {
     }
 
     pub(super) fn malformed(place: impl Display, expected: impl Display, found: impl Display) -> Self {
-        Self::Malformed { place: place.to_string(), expected: expected.to_string(), found: found.to_string() }
+        Self::Malformed(Invalid::new(place.to_string(), expected, found))
     }
 
     /// [`Error::Scene`]: a field of a section that is outside its range.
     pub(super) fn invalid(place: impl Display, expected: impl Display, found: impl Display) -> Self {
-        let [place, expected, found] = [place.to_string(), expected.to_string(), found.to_string()];
-        Self::Scene(BrokenInvariant { place, expected, found })
+        Self::Scene(Invalid::new(place.to_string(), expected, found))
     }
 
     /// [`Error::Unsupported`]: a code of the `field` of `place` that this version does not define.

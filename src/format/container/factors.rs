@@ -3,13 +3,13 @@
 use std::fmt::Display;
 
 use super::array::{self, ArrayHead};
-use super::codec::adaptive::{Groups, Shape};
+use super::codec::adaptive::{ArrayShape, Groups};
 use super::encoding::ArrayOptions;
 use super::error::Error;
 use super::limits::Budget;
 use super::payload::{Body, Payload};
 use super::record::{self, BorrowDecode, Encode, Record};
-use super::writer::{Compression, Finished, Place};
+use super::writer::{Compression, FinishedSection, SectionPlace};
 use crate::model::{Block, Form};
 
 /// Bytes that a number takes while it is read: itself, and its integer in another arrangement.
@@ -34,7 +34,7 @@ impl Record for FactorsRecord {
 }
 
 /// One part, density or appearance, of a scale's factors.
-pub(super) struct Part<'a> {
+pub(super) struct ScalePart<'a> {
     pub(super) blocks: &'a [Block],
     pub(super) resolution: [u32; 3],
 }
@@ -43,11 +43,11 @@ pub(super) struct Part<'a> {
 pub(super) type BlockShape = (Form, usize);
 
 /// How a chunk's numbers are laid out in a scene's and in a file's order.
-struct Layout {
+struct ChunkLayout {
     blocks: Vec<BlockLayout>,
 }
 
-/// [`Layout`] of a block.
+/// [`ChunkLayout`] of a block.
 struct BlockLayout {
     rank: usize,
     /// Rows of a tensor.
@@ -56,7 +56,7 @@ struct BlockLayout {
     components: Vec<Vec<usize>>,
 }
 
-impl Layout {
+impl ChunkLayout {
     /// For tensors that have these `components` of all blocks together.
     fn new(shapes: &[BlockShape], resolution: [u32; 3], components: &[Vec<usize>]) -> Self {
         let mut first = 0;
@@ -112,9 +112,9 @@ fn rank_of(shapes: &[BlockShape]) -> usize {
 }
 
 /// The shape of the factors of so many `tensors`. Masks come first if the section `is_ragged`.
-fn shape(tensors: usize, shapes: &[BlockShape], resolution: [u32; 3], is_ragged: bool, bits: u8) -> Shape {
+fn shape(tensors: usize, shapes: &[BlockShape], resolution: [u32; 3], is_ragged: bool, bits: u8) -> ArrayShape {
     let blocks = shapes.iter().map(|&(form, rank)| (rank, form.vectors(resolution))).collect();
-    Shape {
+    ArrayShape {
         bits,
         masks: is_ragged.then_some([tensors, rank_of(shapes)]),
         groups: Groups::Components { tensors, blocks },
@@ -125,12 +125,12 @@ fn shape(tensors: usize, shapes: &[BlockShape], resolution: [u32; 3], is_ragged:
 /// \[block\]\[tensor\]\[component\].
 pub(super) fn write(
     compression: Compression,
-    place: Place,
-    part: &Part<'_>,
+    place: SectionPlace,
+    part: &ScalePart<'_>,
     tensors: &[u32],
     options: ArrayOptions,
     steps: Option<&[Vec<u8>]>,
-) -> Result<Finished, Error> {
+) -> Result<FinishedSection, Error> {
     let name = place.kind.to_string();
     let resolution = part.resolution;
     let shapes: Vec<BlockShape> = part.blocks.iter().map(|block| (block.form, block.rank as usize)).collect();
@@ -158,7 +158,7 @@ pub(super) fn write(
             body.extend(mask);
         }
     }
-    let layout = Layout::new(&shapes, resolution, &components);
+    let layout = ChunkLayout::new(&shapes, resolution, &components);
     let chosen: Option<Vec<u8>> = steps.map(|steps| {
         let of_block = |(block, steps): (&'_ BlockLayout, &'_ Vec<u8>)| {
             let of_tensor = |(&t, components): (&u32, &Vec<usize>)| {
@@ -183,8 +183,8 @@ pub(super) fn write(
 }
 
 /// The factors of a chunk.
-pub(super) struct Chunk {
-    layout: Layout,
+pub(super) struct FactorChunk {
+    layout: ChunkLayout,
     options: ArrayOptions,
     /// \[group\] step codes, in the file's order; empty for floats.
     steps: Vec<u8>,
@@ -192,7 +192,7 @@ pub(super) struct Chunk {
     numbers: Vec<f32>,
 }
 
-impl Chunk {
+impl FactorChunk {
     /// Copies the numbers into `blocks`, the factors of the scale, and the step codes into `steps`,
     /// \[block\]\[tensor\]\[component\]; `places` are the numbers of the chunk's tensors in the scale.
     pub(super) fn put(self, places: &[u32], blocks: &mut [Block], steps: &mut [Vec<u8>]) {
@@ -262,7 +262,7 @@ impl Opened<'_> {
     }
 
     /// Reads the factors.
-    pub(super) fn read(&self, budget: &mut Budget) -> Result<Chunk, Error> {
+    pub(super) fn read(&self, budget: &mut Budget) -> Result<FactorChunk, Error> {
         let &Self { ref head, ref body, options, mask_bytes, ref shapes, resolution, tensors } = self;
         let rank = rank_of(shapes);
         let encoding = options.encoding;
@@ -276,14 +276,14 @@ impl Opened<'_> {
                 masks.chunks_exact(mask_bytes).map(|mask| components_of(name, mask, rank)).collect::<Result<_, _>>()?
             }
         };
-        let layout = Layout::new(shapes, resolution, &components);
+        let layout = ChunkLayout::new(shapes, resolution, &components);
         let (groups, numbers) = array::count(layout.group_lengths());
         let length = encoding.length(groups, numbers);
         Error::unless_equal(format!("{name} number of bytes of the array"), length, array.len() as u64)?;
         budget.spend(name, NUMBER_BYTES * numbers)?;
         let numbers = array::read(name, head, array, layout.group_lengths())?;
         let steps = if encoding.is_by_group() { array[..groups as usize].to_vec() } else { Vec::new() };
-        Ok(Chunk { layout, options, steps, numbers })
+        Ok(FactorChunk { layout, options, steps, numbers })
     }
 }
 

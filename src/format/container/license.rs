@@ -4,11 +4,11 @@ use super::error::Error;
 use super::payload::Payload;
 use super::record::{self, Str, Text};
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 
 pub(super) fn write(writer: &mut Writer, text: &str) -> Result<(), Error> {
     let record = record::write(&"LICENCE", &Text { text: Str(text) })?;
-    writer.record(Place::whole(SectionKind::License), record);
+    writer.record(SectionPlace::whole(SectionKind::License), record);
     Ok(())
 }
 

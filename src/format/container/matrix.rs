@@ -9,7 +9,7 @@ use super::limits::{self, Budget};
 use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 use crate::model::AppearanceMatrix;
 
 #[derive(Encode, BorrowDecode)]
@@ -35,7 +35,7 @@ pub(super) fn write(
 ) -> Result<(), Error> {
     let name = format!("MATRIX of scale {scale}");
     let rows = std::iter::repeat_n(matrix.rank as usize, matrix.features as usize);
-    let place = Place::in_scale(SectionKind::Matrix, scale);
+    let place = SectionPlace::in_scale(SectionKind::Matrix, scale);
     array::write_network(writer, place, &name, &matrix.weights, rows, options, |head| {
         record::write(&name, &MatrixRecord { features: matrix.features, rank: matrix.rank, head })
     })

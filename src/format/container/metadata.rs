@@ -14,7 +14,7 @@ use super::quality::{self, Quality};
 use super::section::{Section, SectionKind};
 use super::thumbnail::{self, Thumbnail};
 use super::views::{self, Views};
-use super::writer::{Place, Rewriter};
+use super::writer::{Rewriter, SectionPlace};
 use super::{license, notes};
 
 /// The ancillary parts of a file.
@@ -80,15 +80,15 @@ impl Metadata {
         let is_same = |same: &dyn Fn(&Self) -> bool| before.is_some_and(same);
         if let Some(text) = &self.license {
             let same = is_same(&|b| b.license == self.license);
-            out.put(Place::whole(SectionKind::License), same, |writer| license::write(writer, text))?;
+            out.put(SectionPlace::whole(SectionKind::License), same, |writer| license::write(writer, text))?;
         }
         if let Some(quality) = &self.quality {
             let same = is_same(&|b| b.quality == self.quality);
-            out.put(Place::whole(SectionKind::Quality), same, |writer| quality::write(writer, quality, scales))?;
+            out.put(SectionPlace::whole(SectionKind::Quality), same, |writer| quality::write(writer, quality, scales))?;
         }
         if let Some(views) = &self.views {
             let same = is_same(&|b| b.views == self.views);
-            out.put(Place::whole(SectionKind::Views), same, |writer| views::write(writer, views))?;
+            out.put(SectionPlace::whole(SectionKind::Views), same, |writer| views::write(writer, views))?;
         }
         Ok(())
     }
@@ -98,19 +98,19 @@ impl Metadata {
         let is_same = |same: &dyn Fn(&Self) -> bool| before.is_some_and(same);
         if let Some(probes) = &self.probes {
             let same = is_same(&|b| b.probes == self.probes);
-            out.put(Place::whole(SectionKind::Probes), same, |writer| probes::write(writer, probes))?;
+            out.put(SectionPlace::whole(SectionKind::Probes), same, |writer| probes::write(writer, probes))?;
         }
         if !self.cameras.is_empty() {
             let same = is_same(&|b| b.cameras == self.cameras);
-            out.put(Place::whole(SectionKind::Cameras), same, |writer| cameras::write(writer, &self.cameras))?;
+            out.put(SectionPlace::whole(SectionKind::Cameras), same, |writer| cameras::write(writer, &self.cameras))?;
         }
         if let Some(thumbnail) = &self.thumbnail {
             let same = is_same(&|b| b.thumbnail == self.thumbnail);
-            out.put(Place::whole(SectionKind::Thumbnail), same, |writer| thumbnail::write(writer, thumbnail))?;
+            out.put(SectionPlace::whole(SectionKind::Thumbnail), same, |writer| thumbnail::write(writer, thumbnail))?;
         }
         if !self.notes.is_empty() {
             let same = is_same(&|b| b.notes == self.notes);
-            out.put(Place::whole(SectionKind::Notes), same, |writer| notes::write(writer, &self.notes))?;
+            out.put(SectionPlace::whole(SectionKind::Notes), same, |writer| notes::write(writer, &self.notes))?;
         }
         for unknown in &self.unknown {
             out.writer.verbatim(&unknown.section, &unknown.payload);

@@ -7,7 +7,7 @@ use super::limits::{self, Budget};
 use super::payload::Payload;
 use super::record::{self, Count, Str, Text};
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 use crate::escape::escaped;
 
 pub(super) fn write(writer: &mut Writer, notes: &BTreeMap<String, String>) -> Result<(), Error> {
@@ -18,7 +18,7 @@ pub(super) fn write(writer: &mut Writer, notes: &BTreeMap<String, String>) -> Re
         }
     }
     let record = record::write(&"NOTES", &Count { count: notes.len() as u64 })?;
-    writer.compressed(Place::whole(SectionKind::Notes), record, &body)
+    writer.compressed(SectionPlace::whole(SectionKind::Notes), record, &body)
 }
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<BTreeMap<String, String>, Error> {

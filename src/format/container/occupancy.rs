@@ -10,7 +10,7 @@ use super::limits::{self, Budget};
 use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 use crate::geometry::Aabb;
 use crate::model::Occupancy;
 
@@ -50,7 +50,7 @@ pub(super) fn write(writer: &mut Writer, occupancy: &Occupancy) -> Result<(), Er
     };
     let record_bytes = record::write(&"OCCUPANCY", &record)?;
     let bits = occupancy.bytes();
-    writer.adaptive(Place::whole(SectionKind::Occupancy), record_bytes, &bits, || {
+    writer.adaptive(SectionPlace::whole(SectionKind::Occupancy), record_bytes, &bits, || {
         adaptive::compress_occupancy(record.vertices, &bits)
     })
 }

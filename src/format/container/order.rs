@@ -4,12 +4,12 @@ use super::error::Error;
 use super::section::{Section, SectionKind, name_of};
 
 /// The sections of known kinds in the order of the file, as they are taken one by one.
-pub(super) struct Order<'a, 'b> {
+pub(super) struct SectionOrder<'a, 'b> {
     sections: &'b [&'a Section],
     next: usize,
 }
 
-impl<'a, 'b> Order<'a, 'b> {
+impl<'a, 'b> SectionOrder<'a, 'b> {
     /// The order of `sections`, of which none is taken yet.
     pub(super) fn new(sections: &'b [&'a Section]) -> Self {
         Self { sections, next: 0 }
@@ -65,7 +65,7 @@ pub(super) struct ScaleSections<'a> {
 
 impl<'a> ScaleSections<'a> {
     /// Takes the sections of scale `index`.
-    pub(super) fn take(order: &mut Order<'a, '_>, index: u16, may_have_prefix: bool) -> Result<Self, Error> {
+    pub(super) fn take(order: &mut SectionOrder<'a, '_>, index: u16, may_have_prefix: bool) -> Result<Self, Error> {
         let scale = order.take(SectionKind::Scale, Some(index), None)?;
         let matrix = order.take(SectionKind::Matrix, Some(index), None)?;
         let mut chunks = Vec::new();

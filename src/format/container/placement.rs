@@ -11,7 +11,7 @@ use super::limits::Budget;
 use super::payload::Payload;
 use super::scale::{Shape, covered_by, extent_of};
 use super::section::SectionKind;
-use super::writer::{Compression, Finished, Place};
+use super::writer::{Compression, FinishedSection, SectionPlace};
 use crate::digits::numbers;
 use crate::geometry::{cell_at, index_of};
 use crate::model::{Placement, TensorCloud};
@@ -31,7 +31,7 @@ pub(super) fn write(
     chunk: u32,
     cloud: &TensorCloud,
     tensors: &[u32],
-) -> Result<Finished, Error> {
+) -> Result<FinishedSection, Error> {
     let mut body = Vec::new();
     match &cloud.placement {
         Placement::Lattice { cells, .. } => {
@@ -52,7 +52,7 @@ pub(super) fn write(
             body.extend(coordinates.flat_map(f64::to_le_bytes));
         }
     }
-    compression.finished(Place::in_chunk(SectionKind::Placement, index, chunk), Vec::new(), &body)
+    compression.finished(SectionPlace::in_chunk(SectionKind::Placement, index, chunk), Vec::new(), &body)
 }
 
 /// The centers of chunk `n`.

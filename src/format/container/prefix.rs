@@ -9,7 +9,7 @@ use super::limits::{self, Budget};
 use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 use crate::digits::number;
 use crate::model::Scene;
 
@@ -101,7 +101,7 @@ pub(super) fn write(
             weights.extend_from_slice(&matrix[p * rank..][..rank]);
         }
     }
-    let (place, rows) = (Place::in_scale(SectionKind::Prefix, scale), std::iter::repeat_n(sum, features));
+    let (place, rows) = (SectionPlace::in_scale(SectionKind::Prefix, scale), std::iter::repeat_n(sum, features));
     array::write_network(writer, place, &name, &weights, rows, options, |head| {
         let &Prefix { gain, offset, features, .. } = prefix;
         record::write(&name, &PrefixRecord { gain, offset, features, rank: sum.try_into().unwrap_or(u32::MAX), head })

@@ -9,7 +9,7 @@ use super::limits::{self, Budget};
 use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 use crate::digits::{number, numbers};
 use crate::geometry::{Aabb, Ray};
 use crate::model::Rules;
@@ -121,7 +121,7 @@ pub(super) fn write(writer: &mut Writer, probes: &Probes) -> Result<(), Error> {
     for probe in &probes.probes {
         body.extend(record::write(&"PROBES", probe)?);
     }
-    writer.stored(Place::whole(SectionKind::Probes), record::write(&"PROBES", &record)?, &body);
+    writer.stored(SectionPlace::whole(SectionKind::Probes), record::write(&"PROBES", &record)?, &body);
     Ok(())
 }
 

@@ -7,7 +7,7 @@ use super::limits;
 use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Record, Str};
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 use crate::digits::number;
 
 /// Measurements of a scene: PSNR in dB, infinite if there is no difference, `None` if not measured.
@@ -77,7 +77,7 @@ pub(super) fn write(writer: &mut Writer, quality: &Quality, scales: usize) -> Re
         prefixes: quality.prefixes.iter().map(|p| p.unwrap_or(unknown)).collect(),
         dataset: Str(&quality.dataset),
     };
-    writer.record(Place::whole(SectionKind::Quality), record::write(&"QUALITY", &record)?);
+    writer.record(SectionPlace::whole(SectionKind::Quality), record::write(&"QUALITY", &record)?);
     Ok(())
 }
 

@@ -7,7 +7,7 @@ use super::factors::BlockShape;
 use super::fetch::{Fetched, fetch};
 use super::limits::{Budget, Limits};
 use super::metadata::{Metadata, SkippedSection, UnknownSection};
-use super::order::{Order, ScaleSections};
+use super::order::{ScaleSections, SectionOrder};
 use super::part::Part;
 use super::prefix::Prefix;
 use super::section::{Section, SectionKind, name_of};
@@ -114,7 +114,7 @@ impl<S: Source> Reader<S> {
         let mut budget = Budget::new(self.limits);
         let (known, unknown): (Vec<&Section>, Vec<&Section>) =
             self.contents.sections.iter().partition(|s| !matches!(s.kind, SectionKind::Other(_)));
-        let mut order = Order::new(&known);
+        let mut order = SectionOrder::new(&known);
         let head_sections = HeadSections::take(&mut order)?;
         let mut metadata = Metadata::default();
         let head = self.read_head(&head_sections, &mut metadata.skipped, &mut budget)?;
@@ -392,7 +392,7 @@ struct HeadSections<'a> {
 }
 
 impl<'a> HeadSections<'a> {
-    fn take(order: &mut Order<'a, '_>) -> Result<Self, Error> {
+    fn take(order: &mut SectionOrder<'a, '_>) -> Result<Self, Error> {
         let frame = order.take_whole(SectionKind::Frame)?;
         let rules = order.take_whole(SectionKind::Rules)?;
         let provenance = order.take_whole_if(SectionKind::Provenance);

@@ -9,7 +9,7 @@ use super::limits::{self, Budget};
 use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Optional, Record};
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 use crate::digits::numbers;
 use crate::geometry::{Aabb, Lattice};
 use crate::model::{Block, Form, Placement, Scale};
@@ -208,7 +208,7 @@ pub(super) fn write(writer: &mut Writer, index: u16, scale: &Scale, chunks: &[Ve
         };
         body.extend(record::write(&name, &chunk)?);
     }
-    writer.compressed(Place::in_scale(SectionKind::Scale, index), record::write(&name, &record)?, &body)
+    writer.compressed(SectionPlace::in_scale(SectionKind::Scale, index), record::write(&name, &record)?, &body)
 }
 
 pub(super) fn read(payload: &Payload<'_>, budget: &mut Budget) -> Result<Shape, Error> {

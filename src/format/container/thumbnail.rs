@@ -7,7 +7,7 @@ use super::limits::{self, Budget};
 use super::payload::Payload;
 use super::record::{self, BorrowDecode, Encode, Record};
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 
 /// A small picture. Its bytes are untrusted, and its size is unchecked.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,7 +62,7 @@ pub(super) fn write(writer: &mut Writer, thumbnail: &Thumbnail) -> Result<(), Er
     };
     limits::check("THUMBNAIL bytes", limits::THUMBNAIL_BYTES, thumbnail.file.len())?;
     let record = record::write(&"THUMBNAIL", &ThumbnailRecord { format, reserved: 0, width, height })?;
-    writer.stored(Place::whole(SectionKind::Thumbnail), record, &thumbnail.file);
+    writer.stored(SectionPlace::whole(SectionKind::Thumbnail), record, &thumbnail.file);
     Ok(())
 }
 

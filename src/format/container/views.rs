@@ -10,7 +10,7 @@ use super::payload::Payload;
 use super::pose::{Pose, PoseRecord};
 use super::record::{self, BorrowDecode, Encode, List, Record};
 use super::section::SectionKind;
-use super::writer::{Place, Writer};
+use super::writer::{SectionPlace, Writer};
 use crate::digits::{number, numbers};
 
 /// The initial pose of a viewer, and a camera path.
@@ -56,7 +56,7 @@ pub(super) fn write(writer: &mut Writer, views: &Views) -> Result<(), Error> {
         is_closed: u8::from(views.is_closed),
         path: List(views.path.iter().map(PoseRecord::from).collect()),
     };
-    writer.record(Place::whole(SectionKind::Views), record::write(&"VIEWS", &record)?);
+    writer.record(SectionPlace::whole(SectionKind::Views), record::write(&"VIEWS", &record)?);
     Ok(())
 }
 

@@ -11,13 +11,13 @@ use super::{limits, table};
 
 /// The kind of a section, and the scale and chunk that it belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct Place {
+pub(super) struct SectionPlace {
     pub(super) kind: SectionKind,
     pub(super) scale: Option<u16>,
     pub(super) chunk: Option<u32>,
 }
 
-impl Place {
+impl SectionPlace {
     /// The place of a section that belongs to the whole scene.
     pub(super) fn whole(kind: SectionKind) -> Self {
         Self { kind, scale: None, chunk: None }
@@ -44,7 +44,7 @@ pub(super) enum Compression {
 }
 
 /// A section that is ready to be laid out.
-pub(super) struct Finished {
+pub(super) struct FinishedSection {
     section: Section,
     payload: Vec<u8>,
 }
@@ -68,17 +68,17 @@ impl Writer {
     }
 
     /// Adds a section that is a record alone.
-    pub(super) fn record(&mut self, place: Place, record: Vec<u8>) {
-        self.add(Finished::new(place, Codec::Stored, record.len() as u64, record));
+    pub(super) fn record(&mut self, place: SectionPlace, record: Vec<u8>) {
+        self.add(FinishedSection::new(place, Codec::Stored, record.len() as u64, record));
     }
 
     /// Adds a section whose `body` follows its record uncompressed.
-    pub(super) fn stored(&mut self, place: Place, record: Vec<u8>, body: &[u8]) {
-        self.add(Finished::stored(place, record, body));
+    pub(super) fn stored(&mut self, place: SectionPlace, record: Vec<u8>, body: &[u8]) {
+        self.add(FinishedSection::stored(place, record, body));
     }
 
     /// Adds a section whose `body`, after its record, is compressed if that makes it smaller.
-    pub(super) fn compressed(&mut self, place: Place, record: Vec<u8>, body: &[u8]) -> Result<(), Error> {
+    pub(super) fn compressed(&mut self, place: SectionPlace, record: Vec<u8>, body: &[u8]) -> Result<(), Error> {
         let finished = self.compression.finished(place, record, body)?;
         self.add(finished);
         Ok(())
@@ -87,7 +87,7 @@ impl Writer {
     /// Writes a section like [`Writer::compressed`], in the codec *adaptive*, in which `body` is what `coded` returns.
     pub(super) fn adaptive(
         &mut self,
-        place: Place,
+        place: SectionPlace,
         record: Vec<u8>,
         body: &[u8],
         coded: impl FnOnce() -> Vec<u8>,
@@ -99,11 +99,11 @@ impl Writer {
 
     /// Adds a section that was in another file.
     pub(super) fn verbatim(&mut self, section: &Section, payload: &[u8]) {
-        self.add(Finished { section: section.clone(), payload: payload.to_vec() });
+        self.add(FinishedSection { section: section.clone(), payload: payload.to_vec() });
     }
 
     /// Adds a section.
-    pub(super) fn add(&mut self, Finished { section, payload }: Finished) {
+    pub(super) fn add(&mut self, FinishedSection { section, payload }: FinishedSection) {
         self.sections.push(section);
         self.payloads.push(payload);
     }
@@ -127,29 +127,29 @@ impl Compression {
     }
 
     /// A section of `record` and `body`.
-    pub(super) fn finished(self, place: Place, record: Vec<u8>, body: &[u8]) -> Result<Finished, Error> {
+    pub(super) fn finished(self, place: SectionPlace, record: Vec<u8>, body: &[u8]) -> Result<FinishedSection, Error> {
         let compressed = match self {
             Self::Stored => None,
             Self::Zstd(level) | Self::Best(level) => {
                 Some(codec::compress(&place.kind, body, level)?).filter(|c| c.len() < body.len())
             }
         };
-        let Some(compressed) = compressed else { return Ok(Finished::stored(place, record, body)) };
-        Ok(Finished::coded(place, Codec::Zstd, record, &compressed, body.len()))
+        let Some(compressed) = compressed else { return Ok(FinishedSection::stored(place, record, body)) };
+        Ok(FinishedSection::coded(place, Codec::Zstd, record, &compressed, body.len()))
     }
 
     /// A section of `record` and `body`, which in the codec *adaptive* is what `coded` returns.
     pub(super) fn finished_adaptive(
         self,
-        place: Place,
+        place: SectionPlace,
         record: Vec<u8>,
         body: &[u8],
         coded: impl FnOnce() -> Vec<u8>,
-    ) -> Result<Finished, Error> {
+    ) -> Result<FinishedSection, Error> {
         let Self::Best(_) = self else { return self.finished(place, record, body) };
         Ok(match Some(coded()).filter(|coded| coded.len() < body.len()) {
-            Some(coded) => Finished::coded(place, Codec::Adaptive, record, &coded, body.len()),
-            None => Finished::stored(place, record, body),
+            Some(coded) => FinishedSection::coded(place, Codec::Adaptive, record, &coded, body.len()),
+            None => FinishedSection::stored(place, record, body),
         })
     }
 }
@@ -158,13 +158,13 @@ impl Compression {
 pub(super) struct Rewriter<'a> {
     pub(super) writer: Writer,
     /// The original's bytes, and its sections by their places; `None` without an original.
-    original: Option<(&'a [u8], HashMap<Place, &'a Section>)>,
+    original: Option<(&'a [u8], HashMap<SectionPlace, &'a Section>)>,
 }
 
 impl<'a> Rewriter<'a> {
     /// `original` is the bytes of a whole file and its sections.
     pub(super) fn new(zstd_level: Option<i32>, original: Option<(&'a [u8], &'a [Section])>) -> Self {
-        let place = |s: &Section| Place { kind: s.kind, scale: s.scale, chunk: s.chunk };
+        let place = |s: &Section| SectionPlace { kind: s.kind, scale: s.scale, chunk: s.chunk };
         let original = original.map(|(bytes, sections)| (bytes, sections.iter().map(|s| (place(s), s)).collect()));
         Self { writer: Writer::new(zstd_level), original }
     }
@@ -172,7 +172,7 @@ impl<'a> Rewriter<'a> {
     /// Copies the section at `place` if `is_same` as in the original, in which it may be absent; else lets `write` add it.
     pub(super) fn put(
         &mut self,
-        place: Place,
+        place: SectionPlace,
         is_same: bool,
         write: impl FnOnce(&mut Writer) -> Result<(), Error>,
     ) -> Result<(), Error> {
@@ -187,39 +187,39 @@ impl<'a> Rewriter<'a> {
     }
 
     /// A copy of the original's section at `from`, to stand at `place`.
-    pub(super) fn copied(&self, from: Place, place: Place) -> Option<Finished> {
+    pub(super) fn copied(&self, from: SectionPlace, place: SectionPlace) -> Option<FinishedSection> {
         let (section, payload) = self.section(from)?;
-        let Place { kind, scale, chunk } = place;
-        Some(Finished { section: Section { kind, scale, chunk, ..section.clone() }, payload: payload.to_vec() })
+        let SectionPlace { kind, scale, chunk } = place;
+        Some(FinishedSection { section: Section { kind, scale, chunk, ..section.clone() }, payload: payload.to_vec() })
     }
 
     /// The codec of the original's section at `place`.
-    pub(super) fn codec(&self, place: Place) -> Option<Codec> {
+    pub(super) fn codec(&self, place: SectionPlace) -> Option<Codec> {
         self.section(place).map(|(section, _)| section.codec)
     }
 
-    fn section(&self, place: Place) -> Option<(&'a Section, &'a [u8])> {
+    fn section(&self, place: SectionPlace) -> Option<(&'a Section, &'a [u8])> {
         let (bytes, sections) = self.original.as_ref()?;
         let section = *sections.get(&place)?;
         Some((section, &bytes[section.offset as usize..(section.offset + section.length) as usize]))
     }
 }
 
-impl Finished {
-    fn stored(place: Place, record: Vec<u8>, body: &[u8]) -> Self {
+impl FinishedSection {
+    fn stored(place: SectionPlace, record: Vec<u8>, body: &[u8]) -> Self {
         let payload = with_body(record, body);
         Self::new(place, Codec::Stored, payload.len() as u64, payload)
     }
 
     /// A section whose body is `coded` in `codec`, and has `length` bytes once it is decoded.
-    fn coded(place: Place, codec: Codec, record: Vec<u8>, coded: &[u8], length: usize) -> Self {
+    fn coded(place: SectionPlace, codec: Codec, record: Vec<u8>, coded: &[u8], length: usize) -> Self {
         let payload = with_body(record, coded);
         let decoded = payload.len() - coded.len() + length;
         Self::new(place, codec, decoded as u64, payload)
     }
 
-    fn new(place: Place, codec: Codec, decoded_length: u64, payload: Vec<u8>) -> Self {
-        let Place { kind, scale, chunk } = place;
+    fn new(place: SectionPlace, codec: Codec, decoded_length: u64, payload: Vec<u8>) -> Self {
+        let SectionPlace { kind, scale, chunk } = place;
         let (length, checksum) = (payload.len() as u64, crc32fast::hash(&payload));
         let critical = kind.is_critical();
         Self {

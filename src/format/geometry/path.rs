@@ -9,6 +9,7 @@
 use glam::{DQuat, DVec3};
 
 use super::Viewpoint;
+use crate::Invalid;
 
 /// The least interval between keyframes, in seconds.
 const MIN_SECONDS: f64 = 1e-6;
@@ -35,16 +36,12 @@ pub enum PathError {
     #[error("a camera path must have at least one keyframe; found none")]
     Empty,
     /// An invalid keyframe.
-    #[error("keyframe {index}: {what} must be {expected}; found {found}")]
+    #[error("keyframe {index}: {invalid}")]
     Keyframe {
         /// The keyframe's index, from 0.
         index: usize,
         /// The quantity.
-        what: &'static str,
-        /// The valid values.
-        expected: String,
-        /// The value found.
-        found: String,
+        invalid: Invalid,
     },
 }
 
@@ -79,8 +76,11 @@ impl CameraPath {
         }
         let mut earliest = 0.0;
         for (index, Keyframe { seconds, viewpoint }) in keyframes.iter().enumerate() {
-            let check = |holds: bool, what, expected: &dyn Fn() -> String, found: &dyn std::fmt::Debug| {
-                let refused = || PathError::Keyframe { index, what, expected: expected(), found: format!("{found:?}") };
+            let check = |holds: bool, what: &str, expected: &dyn Fn() -> String, found: &dyn std::fmt::Debug| {
+                let refused = || PathError::Keyframe {
+                    index,
+                    invalid: Invalid::new(what, expected(), format_args!("{found:?}")),
+                };
                 if holds { Ok(()) } else { Err(refused()) }
             };
             let times = || format!("from {earliest} (after the previous keyframe) to {MAX_SECONDS}");

@@ -1,6 +1,6 @@
 //! The decoder: an MLP from appearance features and a direction to a color (spec 3.5 and 4.7; paper 3.4).
 
-use super::error::BrokenInvariant;
+use crate::Invalid;
 
 /// A fully connected layer y = W·x + b.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,25 +77,25 @@ impl Decoder {
         self.layers.iter().map(|l| (l.weights.len() + l.bias.len()) as u64).sum()
     }
 
-    pub(super) fn check(&self, features: u32) -> Result<(), BrokenInvariant> {
+    pub(super) fn check(&self, features: u32) -> Result<(), Invalid> {
         if features < self.mode.min_features() {
             let expected = format!("at least {} for a {} decoder", self.mode.min_features(), self.mode.name());
-            return Err(BrokenInvariant::new("features", expected, features));
+            return Err(Invalid::new("features", expected, features));
         }
         let mut width = self.input_len(features);
         for (i, layer) in self.layers.iter().enumerate() {
             let place = |what: &str| format!("decoder layer {i} {what}");
-            BrokenInvariant::unless_equal(|| place("inputs"), width, layer.inputs)?;
+            Invalid::unless_equal(|| place("inputs"), width, layer.inputs)?;
             if layer.outputs == 0 {
-                return Err(BrokenInvariant::new(place("outputs"), "at least 1", 0));
+                return Err(Invalid::new(place("outputs"), "at least 1", 0));
             }
             let weights = u64::from(layer.inputs) * u64::from(layer.outputs);
-            BrokenInvariant::unless_equal(|| place("weights"), weights, layer.weights.len() as u64)?;
-            BrokenInvariant::unless_equal(|| place("bias"), layer.outputs as usize, layer.bias.len())?;
-            BrokenInvariant::unless_finite(|| place("weights"), &layer.weights)?;
-            BrokenInvariant::unless_finite(|| place("bias"), &layer.bias)?;
+            Invalid::unless_equal(|| place("weights"), weights, layer.weights.len() as u64)?;
+            Invalid::unless_equal(|| place("bias"), layer.outputs as usize, layer.bias.len())?;
+            Invalid::unless_finite(|| place("weights"), &layer.weights)?;
+            Invalid::unless_finite(|| place("bias"), &layer.bias)?;
             width = layer.outputs;
         }
-        BrokenInvariant::unless_equal(|| "decoder outputs".into(), 3, width)
+        Invalid::unless_equal(|| "decoder outputs".into(), 3, width)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::error::BrokenInvariant;
+use crate::Invalid;
 
 /// The factorization of the tensors of a scale.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -172,7 +172,7 @@ impl Factors {
         }
     }
 
-    pub(super) fn check(&self, place: &str, tensors: usize, resolution: [u32; 3]) -> Result<(), BrokenInvariant> {
+    pub(super) fn check(&self, place: &str, tensors: usize, resolution: [u32; 3]) -> Result<(), Invalid> {
         for (name, blocks) in [("density", &self.density), ("appearance", &self.appearance)] {
             let is_one_kind = blocks.len() == 1 || blocks.iter().all(|block| block.form != Form::Cp);
             let ascends = blocks.windows(2).all(|two| two[0].form < two[1].form);
@@ -180,29 +180,29 @@ impl Factors {
             if blocks.is_empty() || !is_one_kind || !ascends || !has_axes {
                 let found = blocks.iter().map(|block| format!("{:?}", block.form)).collect::<Vec<_>>().join(", ");
                 let expected = "cp, or vm along axes 0 to 2 in their order";
-                return Err(BrokenInvariant::new(format!("{place} {name} forms"), expected, format!("[{found}]")));
+                return Err(Invalid::new(format!("{place} {name} forms"), expected, format!("[{found}]")));
             }
             for Block { form, rank, values } in blocks {
                 if *rank == 0 {
-                    return Err(BrokenInvariant::new(format!("{place} {name} rank"), "at least 1", rank));
+                    return Err(Invalid::new(format!("{place} {name} rank"), "at least 1", rank));
                 }
                 let expected = tensors as u128 * form.rows(resolution) as u128 * u128::from(*rank);
                 let found = values.len() as u128;
-                BrokenInvariant::unless_equal(|| format!("{place} {name} factors"), expected, found)?;
+                Invalid::unless_equal(|| format!("{place} {name} factors"), expected, found)?;
             }
         }
         let kinds = [&self.density, &self.appearance].map(|blocks| blocks[0].form == Form::Cp);
         if kinds[0] != kinds[1] {
-            return Err(BrokenInvariant::new(format!("{place} forms"), "cp for both or vm for both", "one of each"));
+            return Err(Invalid::new(format!("{place} forms"), "cp for both or vm for both", "one of each"));
         }
         Ok(())
     }
 
     /// Checks that all are finite.
-    pub(super) fn check_numbers(&self, place: &str) -> Result<(), BrokenInvariant> {
+    pub(super) fn check_numbers(&self, place: &str) -> Result<(), Invalid> {
         for (name, blocks) in [("density", &self.density), ("appearance", &self.appearance)] {
             for block in blocks {
-                BrokenInvariant::unless_finite(|| format!("{place} {name} factors"), &block.values)?;
+                Invalid::unless_finite(|| format!("{place} {name} factors"), &block.values)?;
             }
         }
         Ok(())

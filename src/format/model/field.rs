@@ -36,7 +36,7 @@ pub struct Neighbor {
 
 /// A point with its neighbors.
 #[derive(Clone, Debug)]
-pub struct Point {
+pub struct LocatedPoint {
     /// Position of the point, in model units.
     pub position: DVec3,
     /// \[scale\] the neighbors, nearest first; empty if the scale does not cover the point.
@@ -173,7 +173,7 @@ impl<'a> ReferenceField<'a> {
     }
 
     /// The neighbors of `position`, in model units, with their weights (spec 4.1, 4.2 and 4.4).
-    pub fn locate(&self, position: DVec3) -> Point {
+    pub fn locate(&self, position: DVec3) -> LocatedPoint {
         let mut margin = self.horizon;
         let neighbors: Vec<_> = (self.scene.scales.iter().zip(&self.buckets))
             .map(|(scale, buckets)| {
@@ -186,7 +186,7 @@ impl<'a> ReferenceField<'a> {
             Coverage::All => neighbors.iter().all(|n| !n.is_empty()),
             Coverage::Any => neighbors.iter().any(|n| !n.is_empty()),
         };
-        Point { position, neighbors, covered, margin }
+        LocatedPoint { position, neighbors, covered, margin }
     }
 
     fn nearest(&self, scale: &Scale, near: &[u32], position: DVec3) -> (Vec<Neighbor>, f64) {
@@ -234,7 +234,7 @@ impl<'a> ReferenceField<'a> {
     }
 
     /// The density feature f at a point of the model (spec 4.3 and 4.5).
-    pub fn density_feature(&self, point: &Point) -> DensityAt {
+    pub fn density_feature(&self, point: &LocatedPoint) -> DensityAt {
         let mut sum = DensityAt { feature: 0.0, gradient: DVec3::ZERO, magnitude: 0.0 };
         let mut scales = 0;
         for (scale, neighbors) in self.scene.scales.iter().zip(&point.neighbors) {
@@ -270,7 +270,7 @@ impl<'a> ReferenceField<'a> {
     }
 
     /// The P appearance features F at a point of the model (spec 4.6).
-    pub fn appearance_features(&self, point: &Point) -> Vec<f64> {
+    pub fn appearance_features(&self, point: &LocatedPoint) -> Vec<f64> {
         let mut features = vec![0.0; self.scene.features() as usize];
         let mut scales = 0;
         for (scale, neighbors) in self.scene.scales.iter().zip(&point.neighbors) {
@@ -280,7 +280,7 @@ impl<'a> ReferenceField<'a> {
             scales += 1;
             let mut components = vec![0.0; scale.factors.appearance_rank() as usize];
             for n in neighbors {
-                let interpolation = Interpolation::at(scale, point.position - scale.cloud.center(n.tensor));
+                let interpolation = AxisInterpolation::at(scale, point.position - scale.cloud.center(n.tensor));
                 let mut first = 0;
                 for block in &scale.factors.appearance {
                     interpolation.for_each(block, n.tensor, n.weight, |r, (value, _)| components[first + r] += value);
@@ -352,7 +352,7 @@ fn aggregation_weights(aggregation: Aggregation, distances: impl Iterator<Item =
 }
 
 /// The interpolation at an offset from a tensor's center, on its three axes (spec 4.3).
-struct Interpolation {
+struct AxisInterpolation {
     resolution: [u32; 3],
     /// The lower vertex, per axis.
     lower: [usize; 3],
@@ -365,7 +365,7 @@ struct Interpolation {
 /// A number of a component, and its slopes on x, y and z, per model unit.
 type ValueAndSlopes = (f64, DVec3);
 
-impl Interpolation {
+impl AxisInterpolation {
     fn at(scale: &Scale, offset: DVec3) -> Self {
         let resolution = scale.cloud.resolution;
         let mut lower = [0; 3];
@@ -431,7 +431,7 @@ fn product(a: ValueAndSlopes, b: ValueAndSlopes) -> ValueAndSlopes {
 
 /// A tensor's density feature at `offset` from its center, its gradient, and the sum of the absolute products.
 fn density_of(scale: &Scale, tensor: usize, offset: DVec3) -> (f64, DVec3, f64) {
-    let interpolation = Interpolation::at(scale, offset);
+    let interpolation = AxisInterpolation::at(scale, offset);
     let mut sum = (0.0, DVec3::ZERO, 0.0);
     for block in &scale.factors.density {
         interpolation.for_each(block, tensor, 1.0, |_, (value, slopes)| {

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::error::BrokenInvariant;
+use crate::Invalid;
 use crate::digits::{number, numbers};
 use crate::geometry::Similarity;
 
@@ -106,25 +106,25 @@ impl Frame {
         (self.model_from_dataset.rotation * self.up.vector()).normalize()
     }
 
-    pub(super) fn check(&self) -> Result<(), BrokenInvariant> {
+    pub(super) fn check(&self) -> Result<(), Invalid> {
         if !self.model_from_dataset.is_valid() {
             let Similarity { scale, rotation, translation } = self.model_from_dataset;
             let [rotation, translation] = [numbers(rotation.to_array()), numbers(translation.to_array())];
             let found = format!("scale {}, rotation {rotation}, translation {translation}", number(scale));
-            return Err(BrokenInvariant::new("frame model_from_dataset", "a finite similarity", found));
+            return Err(Invalid::new("frame model_from_dataset", "a finite similarity", found));
         }
         if !(self.near >= 0.0 && self.near < self.far && self.far.is_finite()) {
             let found = format!("{} and {}", number(self.near), number(self.far));
-            return Err(BrokenInvariant::new("frame near and far", "in the order 0 <= near < far", found));
+            return Err(Invalid::new("frame near and far", "in the order 0 <= near < far", found));
         }
         if let Some(meters) = self.meters_per_unit
             && !(meters > 0.0 && meters.is_finite())
         {
-            return Err(BrokenInvariant::new("frame meters_per_unit", "a positive number", number(meters)));
+            return Err(Invalid::new("frame meters_per_unit", "a positive number", number(meters)));
         }
         if !self.background.iter().all(|c| (0.0..=1.0).contains(c)) {
             let found = numbers(self.background);
-            return Err(BrokenInvariant::new("frame background", "three numbers in [0, 1]", found));
+            return Err(Invalid::new("frame background", "three numbers in [0, 1]", found));
         }
         Ok(())
     }

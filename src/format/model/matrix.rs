@@ -1,6 +1,6 @@
 //! Appearance matrices.
 
-use super::error::BrokenInvariant;
+use crate::Invalid;
 
 /// The P×R matrix B that all tensors of a scale share (spec 3.8 and 4.6; paper 3.1). There is no bias.
 #[derive(Clone, Debug, PartialEq)]
@@ -14,12 +14,12 @@ pub struct AppearanceMatrix {
 }
 
 impl AppearanceMatrix {
-    pub(super) fn check(&self, place: &str, features: u32, rank: u32) -> Result<(), BrokenInvariant> {
+    pub(super) fn check(&self, place: &str, features: u32, rank: u32) -> Result<(), Invalid> {
         let name = || format!("{place} appearance matrix");
-        BrokenInvariant::unless_equal(|| name() + " features", features, self.features)?;
-        BrokenInvariant::unless_equal(|| name() + " rank", rank, self.rank)?;
+        Invalid::unless_equal(|| name() + " features", features, self.features)?;
+        Invalid::unless_equal(|| name() + " rank", rank, self.rank)?;
         let weights = u64::from(self.features) * u64::from(self.rank);
-        BrokenInvariant::unless_equal(|| name() + " weights", weights, self.weights.len() as u64)?;
-        BrokenInvariant::unless_finite(name, &self.weights)
+        Invalid::unless_equal(|| name() + " weights", weights, self.weights.len() as u64)?;
+        Invalid::unless_finite(name, &self.weights)
     }
 }

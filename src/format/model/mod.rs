@@ -2,7 +2,6 @@
 //! number an implementation must reproduce. The files are named after the sections of the file format.
 
 mod decoder;
-mod error;
 mod factors;
 mod field;
 mod frame;
@@ -16,9 +15,8 @@ mod sky;
 mod tensor_cloud;
 
 pub use decoder::{Decoder, DecoderMode, Linear};
-pub use error::BrokenInvariant;
 pub use factors::{Block, FactorKind, Factors, Form};
-pub use field::{DensityAt, MARGIN_HORIZON, Neighbor, Point, ReferenceField, alpha, sigmoid, softplus};
+pub use field::{DensityAt, LocatedPoint, MARGIN_HORIZON, Neighbor, ReferenceField, alpha, sigmoid, softplus};
 pub use frame::{ColorSpace, Frame, UpAxis};
 pub use matrix::AppearanceMatrix;
 pub use occupancy::Occupancy;

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, UVec3};
 
-use super::error::BrokenInvariant;
+use crate::Invalid;
 use crate::geometry::{Aabb, cell_at, index_of};
 
 /// One bit for each vertex of a regular grid whose outermost vertices lie on the faces of `bounds`.
@@ -150,22 +150,18 @@ impl Occupancy {
         inside && corners().any(|corner| self.get(cell.as_uvec3() + corner))
     }
 
-    pub(super) fn check(&self) -> Result<(), BrokenInvariant> {
+    pub(super) fn check(&self) -> Result<(), Invalid> {
         if !self.bounds.is_solid() {
-            return Err(BrokenInvariant::new("occupancy bounds", "a finite box of positive size", self.bounds));
+            return Err(Invalid::new("occupancy bounds", "a finite box of positive size", self.bounds));
         }
         if self.vertices.min_element() < 2 {
-            return Err(BrokenInvariant::new("occupancy vertices", "at least 2 along each axis", self.vertices));
+            return Err(Invalid::new("occupancy vertices", "at least 2 along each axis", self.vertices));
         }
         let bits = self.vertices.to_array().iter().map(|&v| u128::from(v)).product::<u128>();
-        BrokenInvariant::unless_equal(|| "occupancy words".into(), bits.div_ceil(64), self.words.len() as u128)?;
+        Invalid::unless_equal(|| "occupancy words".into(), bits.div_ceil(64), self.words.len() as u128)?;
         let used = (bits % 64) as u32;
         if used != 0 && self.words.last().is_some_and(|w| w >> used != 0) {
-            return Err(BrokenInvariant::new(
-                "unused bits of the occupancy words",
-                "zeros",
-                "a set bit past the last vertex",
-            ));
+            return Err(Invalid::new("unused bits of the occupancy words", "zeros", "a set bit past the last vertex"));
         }
         Ok(())
     }
@@ -265,6 +261,6 @@ mod tests {
     fn a_bit_past_the_last_vertex_is_named() {
         let mut grid = one_vertex();
         *grid.words.last_mut().unwrap() |= 1 << 63;
-        assert_eq!(grid.check().unwrap_err().place, "unused bits of the occupancy words");
+        assert_eq!(grid.check().unwrap_err().place.to_string(), "unused bits of the occupancy words");
     }
 }

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::error::BrokenInvariant;
 use super::sky::Sky;
+use crate::Invalid;
 use crate::digits::number;
 use crate::geometry::{Aabb, Contraction, MAX_SPACING};
 
@@ -108,17 +108,17 @@ impl Rules {
     /// # Errors
     ///
     /// The first rule that is out of range.
-    pub fn check(&self, bounds: &Aabb) -> Result<(), BrokenInvariant> {
+    pub fn check(&self, bounds: &Aabb) -> Result<(), Invalid> {
         if !bounds.is_solid() {
-            return Err(BrokenInvariant::new("bounds", "a finite box of positive size", bounds));
+            return Err(Invalid::new("bounds", "a finite box of positive size", bounds));
         }
         if let Some(contraction) = self.contraction {
             if !(contraction.shell > 0.0 && contraction.shell <= 1.0) {
                 let expected = "a number more than 0, at most 1";
-                return Err(BrokenInvariant::new("rules contraction's shell", expected, number(contraction.shell)));
+                return Err(Invalid::new("rules contraction's shell", expected, number(contraction.shell)));
             }
             if *bounds != contraction.bounds() {
-                return Err(BrokenInvariant::new("bounds", contraction.bounds(), bounds));
+                return Err(Invalid::new("bounds", contraction.bounds(), bounds));
             }
         }
         self.sky.as_ref().map_or(Ok(()), Sky::check)?;
@@ -132,7 +132,7 @@ impl Rules {
             ("min_weight", self.min_weight, fraction(self.min_weight), "a number in [0, 1)"),
         ] {
             if !valid {
-                return Err(BrokenInvariant::new(format!("rules {name}"), expected, number(value)));
+                return Err(Invalid::new(format!("rules {name}"), expected, number(value)));
             }
         }
         Ok(())

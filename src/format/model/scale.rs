@@ -1,9 +1,9 @@
 //! Scales of a scene (spec 3.7).
 
-use super::error::BrokenInvariant;
 use super::factors::Factors;
 use super::matrix::AppearanceMatrix;
 use super::tensor_cloud::TensorCloud;
+use crate::Invalid;
 
 /// The largest [`Scale::top_k`].
 pub const MAX_TOP_K: u32 = 16;
@@ -38,11 +38,11 @@ impl Scale {
         self.cloud.keep_tensors(kept);
     }
 
-    pub(super) fn check(&self, place: &str, features: u32, has_finite_factors: bool) -> Result<(), BrokenInvariant> {
+    pub(super) fn check(&self, place: &str, features: u32, has_finite_factors: bool) -> Result<(), Invalid> {
         self.cloud.check(place)?;
         if !(1..=MAX_TOP_K).contains(&self.top_k) {
             let expected = format!("1 to {MAX_TOP_K}");
-            return Err(BrokenInvariant::new(format!("{place} top_k"), expected, self.top_k));
+            return Err(Invalid::new(format!("{place} top_k"), expected, self.top_k));
         }
         self.factors.check(place, self.cloud.len(), self.cloud.resolution)?;
         if !has_finite_factors {

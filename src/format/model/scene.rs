@@ -1,12 +1,12 @@
 //! The whole scene and its invariants.
 
 use super::decoder::Decoder;
-use super::error::BrokenInvariant;
 use super::frame::Frame;
 use super::occupancy::Occupancy;
 use super::provenance::Provenance;
 use super::rules::{MAX_STEPS, Rules};
 use super::scale::Scale;
+use crate::Invalid;
 use crate::digits::number;
 use crate::geometry::Aabb;
 
@@ -74,22 +74,22 @@ impl Scene {
     /// assert_eq!(scene.check().unwrap_err().place, "scale 0 top_k");
     /// # Ok::<(), strivec_format::container::Error>(())
     /// ```
-    pub fn check(&self) -> Result<(), BrokenInvariant> {
+    pub fn check(&self) -> Result<(), Invalid> {
         self.check_given(false)
     }
 
     /// Checks the invariants like [`Scene::check`]. If `has_finite_factors` is true, the factors are not searched for
     /// numbers that are not finite, which takes long.
-    pub fn check_given(&self, has_finite_factors: bool) -> Result<(), BrokenInvariant> {
+    pub fn check_given(&self, has_finite_factors: bool) -> Result<(), Invalid> {
         self.frame.check()?;
         self.rules.check(&self.bounds)?;
         let steps = self.rules.most_steps(&self.bounds);
         if steps > MAX_STEPS as f64 {
             let expected = format!("long enough for at most {MAX_STEPS} steps on a ray");
-            return Err(BrokenInvariant::new("rules step", expected, format!("{} steps", number(steps))));
+            return Err(Invalid::new("rules step", expected, format!("{} steps", number(steps))));
         }
         if self.scales.is_empty() {
-            return Err(BrokenInvariant::new("number of scales", "at least 1", 0));
+            return Err(Invalid::new("number of scales", "at least 1", 0));
         }
         for (i, scale) in self.scales.iter().enumerate() {
             scale.check(&format!("scale {i}"), self.features(), has_finite_factors)?;

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::error::BrokenInvariant;
+use crate::Invalid;
 
 /// N of each basis function Y = N·polynomial (spec 4.11), in the order of l² + l + m.
 pub const SKY_NORMS: [f64; Sky::MAX_TERMS] = [
@@ -148,14 +148,14 @@ impl Sky {
         self.color(direction).into_iter().zip(rows).map(of_channel).fold(0.0, f64::max)
     }
 
-    pub(super) fn check(&self) -> Result<(), BrokenInvariant> {
+    pub(super) fn check(&self) -> Result<(), Invalid> {
         if !(1..=Self::MAX_DEGREE).contains(&self.degree) {
             let expected = format!("1 to {}", Self::MAX_DEGREE);
-            return Err(BrokenInvariant::new("rules sky's degree", expected, self.degree));
+            return Err(Invalid::new("rules sky's degree", expected, self.degree));
         }
         let count = 3 * Self::terms(self.degree);
-        BrokenInvariant::unless_equal(|| "rules sky's number of coefficients".into(), count, self.coefficients.len())?;
-        BrokenInvariant::unless_finite(|| "rules sky's coefficients".into(), &self.coefficients)
+        Invalid::unless_equal(|| "rules sky's number of coefficients".into(), count, self.coefficients.len())?;
+        Invalid::unless_finite(|| "rules sky's coefficients".into(), &self.coefficients)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, UVec3};
 
-use super::error::BrokenInvariant;
+use crate::Invalid;
 use crate::digits::numbers;
 use crate::geometry::{Aabb, Lattice};
 
@@ -81,38 +81,38 @@ impl TensorCloud {
         }
     }
 
-    pub(super) fn check(&self, place: &str) -> Result<(), BrokenInvariant> {
+    pub(super) fn check(&self, place: &str) -> Result<(), Invalid> {
         if !(self.half_edge.is_finite() && self.half_edge.min_element() > 0.0) {
             let found = numbers(self.half_edge.to_array());
-            return Err(BrokenInvariant::new(format!("{place} half edges"), "positive numbers", found));
+            return Err(Invalid::new(format!("{place} half edges"), "positive numbers", found));
         }
         if self.resolution.contains(&0) {
             let found = numbers(self.resolution);
-            return Err(BrokenInvariant::new(format!("{place} resolution"), "at least 1 cell along each axis", found));
+            return Err(Invalid::new(format!("{place} resolution"), "at least 1 cell along each axis", found));
         }
         if self.is_empty() {
-            return Err(BrokenInvariant::new(format!("{place} number of tensors"), "at least 1", 0));
+            return Err(Invalid::new(format!("{place} number of tensors"), "at least 1", 0));
         }
         if let Placement::Lattice { lattice, cells } = &self.placement {
             if !(lattice.origin.is_finite() && lattice.pitch.is_finite() && lattice.pitch.min_element() > 0.0) {
                 let [origin, pitch] = [lattice.origin, lattice.pitch].map(|v| numbers(v.to_array()));
                 let found = format!("origin {origin} and pitch {pitch}");
-                return Err(BrokenInvariant::new(format!("{place} lattice"), "finite and of positive pitch", found));
+                return Err(Invalid::new(format!("{place} lattice"), "finite and of positive pitch", found));
             }
             if let Some(cell) = cells.iter().find(|c| c.max_element() > i32::MAX as u32) {
-                return Err(BrokenInvariant::new(format!("{place} cells"), "below 2^31 along each axis", cell));
+                return Err(Invalid::new(format!("{place} cells"), "below 2^31 along each axis", cell));
             }
         }
         let mut previous: Option<DVec3> = None;
         for (n, center) in self.centers().enumerate() {
             if !center.is_finite() {
                 let found = numbers(center.to_array());
-                return Err(BrokenInvariant::new(format!("{place} center {n}"), "finite numbers", found));
+                return Err(Invalid::new(format!("{place} center {n}"), "finite numbers", found));
             }
             if previous.is_some_and(|p| [p.z, p.y, p.x] >= [center.z, center.y, center.x]) {
                 let expected = "after the previous center, strictly ascending by (z, y, x)";
                 let found = numbers(center.to_array());
-                return Err(BrokenInvariant::new(format!("{place} center {n}"), expected, found));
+                return Err(Invalid::new(format!("{place} center {n}"), expected, found));
             }
             previous = Some(center);
         }

@@ -19,6 +19,7 @@ use self::unnamed::of_any_shape;
 use super::archive::{Archive, reading};
 use super::{Fault, Input, ReadOptions, Visitor};
 use crate::npy::{Header, NpyError};
+use strivec_format::Place;
 
 /// Reads `input`.
 ///
@@ -33,7 +34,11 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     if Archive::begins(&start) {
         return npz::read(Archive::open(input)?, options, visitor);
     }
-    Err(Fault::malformed("byte 0", "the beginning of an .npy (\\x93NUMPY) or .npz (PK) file", format!("{start:02x?}")))
+    Err(Fault::malformed(
+        Place::Offset(0),
+        "the beginning of an .npy (\\x93NUMPY) or .npz (PK) file",
+        format!("{start:02x?}"),
+    ))
 }
 
 /// An `.npy` file.
@@ -70,10 +75,10 @@ impl From<NpyError> for Fault {
     fn from(error: NpyError) -> Self {
         match error {
             NpyError::Io(error) if error.kind() == ErrorKind::UnexpectedEof => {
-                Self::invalid("the array", "the file ends within it")
+                Self::broken("the array", "the file ends within it")
             }
             NpyError::Io(error) => reading("the array", error),
-            NpyError::Malformed { place, expected, found } => Self::malformed(place, expected, found),
+            NpyError::Malformed(invalid) => invalid.into(),
         }
     }
 }

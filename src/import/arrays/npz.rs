@@ -22,6 +22,7 @@ use crate::archive::{Archive, check_end_of};
 use crate::grid::{At, Density, Order};
 use crate::npy::{Header, Number};
 use crate::{Fault, ReadOptions, Visitor};
+use strivec_format::Invalid;
 use strivec_format::geometry::Aabb;
 
 /// 2^53: larger cell indices are not exact in f64.
@@ -128,7 +129,10 @@ impl Array for Member<'_, '_, '_> {
 /// `fault` with the array's name before its place.
 fn within(name: &str, fault: Fault) -> Fault {
     match fault {
-        Fault::Malformed { place, problem } => Fault::Malformed { place: format!("{name}: {place}"), problem },
+        Fault::Broken { place, problem } => Fault::Broken { place: format!("{name}: {place}"), problem },
+        Fault::Malformed(Invalid { place, expected, found }) => {
+            Fault::malformed(format!("{name}: {place}"), expected, found)
+        }
         other => other,
     }
 }

@@ -17,14 +17,14 @@ const MAX_COLORS: u64 = 1 << 26;
 
 /// Range of the numbers of a color.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Scale {
+enum ColorScale {
     /// 0 to 255.
     Bytes,
     /// 0 to 1.
     Unit,
 }
 
-impl Scale {
+impl ColorScale {
     fn color(self, numbers: &[f64]) -> [u8; 3] {
         let scale = if self == Self::Unit { 255.0 } else { 1.0 };
         std::array::from_fn(|axis| (scale * numbers[axis]).round() as u8)
@@ -65,7 +65,7 @@ pub(super) fn colors(array: &mut dyn Array) -> Result<Vec<[u8; 3]>, Fault> {
     let shape = rows_and_columns(array, "colors")?;
     Fault::unless_within("colors", MAX_COLORS, shape[0])?;
     let Some(scale) = scale_of(array, shape, 0)? else {
-        return Err(Fault::invalid("the colors", "not all are whole numbers from 0 to 255, or floats from 0 to 1"));
+        return Err(Fault::broken("the colors", "not all are whole numbers from 0 to 255, or floats from 0 to 1"));
     };
     let mut colors = Vec::new();
     rows(array, shape, 3, &mut |_, row| {
@@ -124,9 +124,9 @@ pub(super) fn rows_and_columns(array: &dyn Array, what: &str) -> Result<[u64; 2]
 
 /// The range of the colors in the three columns from `first` on, `None` if they are no colors. Reads them once. Floats
 /// that are all within 0 and 1 are fractions; otherwise whole numbers up to 255 are bytes.
-fn scale_of(array: &mut dyn Array, shape: [u64; 2], first: usize) -> Result<Option<Scale>, Fault> {
+fn scale_of(array: &mut dyn Array, shape: [u64; 2], first: usize) -> Result<Option<ColorScale>, Fault> {
     if array.header().number == Number::Unsigned(1) {
-        return Ok(Some(Scale::Bytes));
+        return Ok(Some(ColorScale::Bytes));
     }
     let mut unit = matches!(array.header().number, Number::Float(_));
     let mut bytes = true;
@@ -137,5 +137,5 @@ fn scale_of(array: &mut dyn Array, shape: [u64; 2], first: usize) -> Result<Opti
         }
         Ok(())
     })?;
-    Ok(if unit { Some(Scale::Unit) } else { bytes.then_some(Scale::Bytes) })
+    Ok(if unit { Some(ColorScale::Unit) } else { bytes.then_some(ColorScale::Bytes) })
 }

@@ -11,9 +11,10 @@ mod scan;
 mod tests;
 
 use ::e57::E57Reader;
+use strivec_format::Place;
 
 use self::pages::Pages;
-use self::scan::Scan;
+use self::scan::ScanParts;
 use super::error::excerpt;
 use super::input::bytes_at;
 use super::{Fault, Input, ReadOptions, Visitor};
@@ -39,10 +40,10 @@ pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Vis
     let input = pages.input();
     input.go_to(0)?;
     let described =
-        E57Reader::new(input).map_err(|error| Fault::invalid("the XML section", format!("not valid E57: {error}")))?;
+        E57Reader::new(input).map_err(|error| Fault::broken("the XML section", format!("not valid E57: {error}")))?;
     let mut scans = Vec::new();
     for (at, described) in described.pointclouds().iter().enumerate() {
-        scans.push(Scan::new(described, format!("scan {at}"))?);
+        scans.push(ScanParts::new(described, format!("scan {at}"))?);
     }
     let total = scans.iter().map(|scan| scan.records).fold(0, u64::saturating_add);
     let mut done = 0;
@@ -58,11 +59,11 @@ fn check_xml(pages: &mut Pages<'_, '_>) -> Result<(), Fault> {
     let mut header = [0; 48];
     pages.fill(&mut header, "a header")?;
     if &header[..8] != b"ASTM-E57" {
-        return Err(Fault::malformed("byte 0", "ASTM-E57", excerpt(&header[..8])));
+        return Err(Fault::malformed(Place::Offset(0), "ASTM-E57", excerpt(&header[..8])));
     }
     let number = |at: usize| u64::from_le_bytes(bytes_at(&header, at));
     if number(40) != pages::PAGE {
-        return Err(Fault::malformed("byte 40", format!("pages of {} bytes", pages::PAGE), number(40)));
+        return Err(Fault::malformed(Place::Offset(40), format!("pages of {} bytes", pages::PAGE), number(40)));
     }
     let (offset, length) = (number(24), number(32));
     Fault::unless_within("bytes of the XML section", MAX_XML, length)?;

@@ -7,7 +7,7 @@ use crate::Fault;
 const MAX_AHEAD: usize = 1 << 24;
 
 /// The numbers of a field, packed without gaps.
-pub(super) struct Stream {
+pub(super) struct NumberStream {
     /// Bits of a number; 0 if all numbers are equal.
     bits: u32,
     bytes: Vec<u8>,
@@ -15,7 +15,7 @@ pub(super) struct Stream {
     done: usize,
 }
 
-impl Stream {
+impl NumberStream {
     pub(super) fn new(bits: u32) -> Self {
         Self { bits, bytes: Vec::new(), done: 0 }
     }
@@ -52,7 +52,7 @@ impl Stream {
 }
 
 /// Receives the streams and how many numbers each of them has.
-type Sink<'a> = dyn FnMut(&[Stream], usize) -> Result<(), Fault> + 'a;
+type Sink<'a> = dyn FnMut(&[NumberStream], usize) -> Result<(), Fault> + 'a;
 
 /// Reads packets from the current offset until `records` records are read, and passes them to `sink` in batches.
 ///
@@ -61,7 +61,7 @@ type Sink<'a> = dyn FnMut(&[Stream], usize) -> Result<(), Fault> + 'a;
 /// If a packet is invalid, the packets end early, and those of `sink`.
 pub(super) fn read(
     pages: &mut Pages<'_, '_>,
-    streams: &mut [Stream],
+    streams: &mut [NumberStream],
     records: u64,
     sink: &mut Sink<'_>,
 ) -> Result<(), Fault> {
@@ -83,20 +83,20 @@ pub(super) fn read(
                 ));
             }
         }
-        let there = streams.iter().filter_map(Stream::available).min().unwrap_or(0);
+        let there = streams.iter().filter_map(NumberStream::available).min().unwrap_or(0);
         let taken = left.min(there as u64) as usize;
         left -= taken as u64;
         sink(streams, taken)?;
         streams.iter_mut().for_each(|stream| stream.finish(taken));
         if left > 0 && streams.iter().map(|stream| stream.bytes.len() - stream.done / 8).sum::<usize>() > MAX_AHEAD {
             let problem = format!("a stream is more than {MAX_AHEAD} bytes ahead of another one");
-            return Err(Fault::invalid(place, problem));
+            return Err(Fault::broken(place, problem));
         }
     }
     Ok(())
 }
 
-fn append(pages: &mut Pages<'_, '_>, streams: &mut [Stream], length: u64, place: &str) -> Result<(), Fault> {
+fn append(pages: &mut Pages<'_, '_>, streams: &mut [NumberStream], length: u64, place: &str) -> Result<(), Fault> {
     let mut count = [0; 2];
     pages.fill(&mut count, "a packet")?;
     let count = u16::from_le_bytes(count);
@@ -109,7 +109,7 @@ fn append(pages: &mut Pages<'_, '_>, streams: &mut [Stream], length: u64, place:
     let used = 6 + 2 * streams.len() as u64 + sizes.iter().map(|size| *size as u64).sum::<u64>();
     if used > length {
         let problem = format!("the streams need {used} bytes, but the packet has {length}");
-        return Err(Fault::invalid(place, problem));
+        return Err(Fault::broken(place, problem));
     }
     for (stream, size) in streams.iter_mut().zip(sizes) {
         stream.append(size, pages)?;

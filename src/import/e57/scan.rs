@@ -3,7 +3,7 @@
 use e57::{PointCloud, Record, RecordDataType, RecordName, RecordValue};
 use glam::{DMat3, DQuat, DVec3};
 
-use super::packets::{self, Stream};
+use super::packets::{self, NumberStream};
 use super::pages::Pages;
 use crate::input::bytes_at;
 use crate::{Fault, Point, Visitor};
@@ -13,13 +13,13 @@ const MAX_FIELDS: u64 = 255;
 
 /// A field: its stream and the type of its numbers.
 #[derive(Clone, Debug)]
-struct Field {
+struct FieldStream {
     stream: usize,
-    kind: Kind,
+    kind: NumberKind,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Kind {
+enum NumberKind {
     Single,
     Double,
     /// Stored as the difference from `min`.
@@ -30,23 +30,25 @@ enum Kind {
     },
 }
 
-impl Field {
+impl FieldStream {
     fn of(record: &Record, stream: usize) -> Self {
         let kind = match record.data_type {
-            RecordDataType::Single { .. } => Kind::Single,
-            RecordDataType::Double { .. } => Kind::Double,
-            RecordDataType::Integer { min, .. } => Kind::Integer { min, scale: 1.0, offset: 0.0 },
-            RecordDataType::ScaledInteger { min, scale, offset, .. } => Kind::Integer { min, scale, offset },
+            RecordDataType::Single { .. } => NumberKind::Single,
+            RecordDataType::Double { .. } => NumberKind::Double,
+            RecordDataType::Integer { min, .. } => NumberKind::Integer { min, scale: 1.0, offset: 0.0 },
+            RecordDataType::ScaledInteger { min, scale, offset, .. } => NumberKind::Integer { min, scale, offset },
         };
         Self { stream, kind }
     }
 
-    fn value(&self, streams: &[Stream], at: usize) -> f64 {
+    fn value(&self, streams: &[NumberStream], at: usize) -> f64 {
         let number = streams[self.stream].number(at);
         match self.kind {
-            Kind::Single => f32::from_bits(number as u32).into(),
-            Kind::Double => f64::from_bits(number),
-            Kind::Integer { min, scale, offset } => (i128::from(number) + i128::from(min)) as f64 * scale + offset,
+            NumberKind::Single => f32::from_bits(number as u32).into(),
+            NumberKind::Double => f64::from_bits(number),
+            NumberKind::Integer { min, scale, offset } => {
+                (i128::from(number) + i128::from(min)) as f64 * scale + offset
+            }
         }
     }
 }
@@ -65,7 +67,7 @@ fn bits(record: &Record) -> u32 {
 /// A color channel, and its values for 0 and 255.
 #[derive(Clone, Debug)]
 struct Channel {
-    field: Field,
+    field: FieldStream,
     min: f64,
     max: f64,
 }
@@ -74,11 +76,13 @@ impl Channel {
     /// Takes the range from the scan's limits, else from the field's. Limits that are empty or exceed 16 bits are
     /// ignored, and without limits the numbers are bytes.
     fn of(record: &Record, stream: usize, limits: Option<(&RecordValue, &RecordValue)>) -> Self {
-        let field = Field::of(record, stream);
+        let field = FieldStream::of(record, stream);
         let number = |value: &RecordValue| match (value, field.kind) {
             (RecordValue::Single(value), _) => f64::from(*value),
             (RecordValue::Double(value), _) => *value,
-            (RecordValue::ScaledInteger(value), Kind::Integer { scale, offset, .. }) => *value as f64 * scale + offset,
+            (RecordValue::ScaledInteger(value), NumberKind::Integer { scale, offset, .. }) => {
+                *value as f64 * scale + offset
+            }
             (RecordValue::ScaledInteger(value) | RecordValue::Integer(value), _) => *value as f64,
         };
         let of_type = match record.data_type {
@@ -95,30 +99,30 @@ impl Channel {
         Self { field, min, max }
     }
 
-    fn byte(&self, streams: &[Stream], at: usize) -> u8 {
+    fn byte(&self, streams: &[NumberStream], at: usize) -> u8 {
         // NaN becomes 0.
         (255.0 * (self.field.value(streams, at) - self.min) / (self.max - self.min)).round() as u8
     }
 }
 
 /// The parts of a scan that are read.
-pub(super) struct Scan {
+pub(super) struct ScanParts {
     place: String,
     pub(super) records: u64,
     offset: u64,
     /// Bits of each stream's numbers.
     bits: Vec<u32>,
     /// x, y and z, and their state.
-    cartesian: Option<([Field; 3], Option<Field>)>,
+    cartesian: Option<([FieldStream; 3], Option<FieldStream>)>,
     /// Range, azimuth and elevation, and their state.
-    spherical: Option<([Field; 3], Option<Field>)>,
-    color: Option<([Channel; 3], Option<Field>)>,
+    spherical: Option<([FieldStream; 3], Option<FieldStream>)>,
+    color: Option<([Channel; 3], Option<FieldStream>)>,
     /// Map to the file's space: rotation, then translation.
     rotation: DMat3,
     translation: DVec3,
 }
 
-impl Scan {
+impl ScanParts {
     /// The scan that the XML section describes; `place` names it in errors.
     ///
     /// # Errors
@@ -129,16 +133,16 @@ impl Scan {
         Fault::unless_within(&format!("fields of {place}"), MAX_FIELDS, prototype.len() as u64)?;
         let bits: Vec<u32> = prototype.iter().map(bits).collect();
         if bits.iter().all(|bits| *bits == 0) {
-            return Err(Fault::invalid(place, "all numbers of every field are equal"));
+            return Err(Fault::broken(place, "all numbers of every field are equal"));
         }
         let find = |name: &RecordName| prototype.iter().position(|record| record.name == *name);
-        let field = |name: RecordName| find(&name).map(|at| Field::of(&prototype[at], at));
+        let field = |name: RecordName| find(&name).map(|at| FieldStream::of(&prototype[at], at));
         let all = |[a, b, c]: [RecordName; 3]| Some([field(a)?, field(b)?, field(c)?]);
         use RecordName as N;
         let cartesian = all([N::CartesianX, N::CartesianY, N::CartesianZ]);
         let spherical = all([N::SphericalRange, N::SphericalAzimuth, N::SphericalElevation]);
         if cartesian.is_none() && spherical.is_none() {
-            return Err(Fault::invalid(place, "it has neither Cartesian nor spherical coordinates"));
+            return Err(Fault::broken(place, "it has neither Cartesian nor spherical coordinates"));
         }
         let limits = described.color_limits.as_ref();
         let channel = |name: N, limits: Option<(&RecordValue, &RecordValue)>| {
@@ -200,7 +204,7 @@ impl Scan {
             return Err(Fault::malformed(place, "a scan's head, of kind 1", head[0]));
         }
         pages.go_to(u64::from_le_bytes(bytes_at(&head, 16)), &self.place)?;
-        let mut streams: Vec<Stream> = self.bits.iter().map(|bits| Stream::new(*bits)).collect();
+        let mut streams: Vec<NumberStream> = self.bits.iter().map(|bits| NumberStream::new(*bits)).collect();
         let mut done = 0;
         packets::read(pages, &mut streams, self.records, &mut |streams, count| {
             progress(done, visitor)?;
@@ -218,8 +222,8 @@ impl Scan {
     }
 
     /// Position of point `at` in the scan's space; `None` in state 1 (a direction) and 2 (invalid).
-    fn position(&self, streams: &[Stream], at: usize) -> Option<DVec3> {
-        let valid = |fields: &Option<([Field; 3], Option<Field>)>| {
+    fn position(&self, streams: &[NumberStream], at: usize) -> Option<DVec3> {
+        let valid = |fields: &Option<([FieldStream; 3], Option<FieldStream>)>| {
             let (fields, state) = fields.as_ref()?;
             let valid = state.as_ref().is_none_or(|state| state.value(streams, at) == 0.0);
             valid.then(|| fields.each_ref().map(|field| field.value(streams, at)))
@@ -232,7 +236,7 @@ impl Scan {
         Some(DVec3::new(flat * azimuth.cos(), flat * azimuth.sin(), range * elevation.sin()))
     }
 
-    fn color(&self, streams: &[Stream], at: usize) -> Option<[u8; 3]> {
+    fn color(&self, streams: &[NumberStream], at: usize) -> Option<[u8; 3]> {
         let (channels, invalid) = self.color.as_ref()?;
         let valid = invalid.as_ref().is_none_or(|invalid| invalid.value(streams, at) == 0.0);
         valid.then(|| channels.each_ref().map(|channel| channel.byte(streams, at)))

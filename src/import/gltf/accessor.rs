@@ -7,8 +7,8 @@ use gltf::json::{Accessor, Index};
 
 use super::super::Fault;
 use super::buffers::Buffers;
-use super::document::{Budget, get};
-use super::draco::Mesh;
+use super::document::{CornerBudget, get};
+use super::draco::DracoMesh;
 
 /// Elements of an accessor without a buffer view, which are zeros.
 const MAX_ZEROS: u64 = 1 << 24;
@@ -21,7 +21,7 @@ pub(super) struct Values<'b> {
     pub(super) normalized: bool,
     /// None for zeros.
     base: Option<Strided<'b>>,
-    sparse: Option<Sparse<'b>>,
+    sparse: Option<SparseValues<'b>>,
 }
 
 /// Elements at a constant stride.
@@ -33,7 +33,7 @@ struct Strided<'b> {
 }
 
 /// Sparse replacements of elements; `indices` ascend.
-struct Sparse<'b> {
+struct SparseValues<'b> {
     count: usize,
     indices: Strided<'b>,
     index: ComponentType,
@@ -77,7 +77,7 @@ impl<'b> Strided<'b> {
     }
 }
 
-impl<'b> Sparse<'b> {
+impl<'b> SparseValues<'b> {
     /// The replacements in an accessor of `count` elements of `size` bytes.
     fn of(
         buffers: &'b Buffers<'_>,
@@ -85,10 +85,10 @@ impl<'b> Sparse<'b> {
         size: usize,
         count: u64,
         place: &dyn Fn() -> String,
-        budget: &mut Budget,
+        budget: &mut CornerBudget,
     ) -> Result<Self, Fault> {
         let Checked::Valid(gltf::json::accessor::IndexComponentType(index)) = json.indices.component_type else {
-            return Err(Fault::invalid(place(), "unknown type of sparse indices"));
+            return Err(Fault::broken(place(), "unknown type of sparse indices"));
         };
         let n = json.count.0;
         let indices = Strided::of(buffers, json.indices.buffer_view, json.indices.byte_offset, index.size(), n)?;
@@ -131,13 +131,13 @@ impl<'b> Values<'b> {
     pub(super) fn of(
         buffers: &'b Buffers<'_>,
         index: Index<Accessor>,
-        mesh: Option<(&'b Mesh, u32)>,
-        budget: &mut Budget,
+        mesh: Option<(&'b DracoMesh, u32)>,
+        budget: &mut CornerBudget,
     ) -> Result<Self, Fault> {
         let accessor = get(&buffers.document.accessors, index, "accessor")?;
         let place = || format!("accessor {index}");
         let (Checked::Valid(component), Checked::Valid(shape)) = (accessor.component_type, accessor.type_) else {
-            return Err(Fault::invalid(place(), "unknown type of numbers"));
+            return Err(Fault::broken(place(), "unknown type of numbers"));
         };
         let (count, component) = (accessor.count.0, component.0);
         let size = component.size() * shape.multiplicity();
@@ -154,7 +154,7 @@ impl<'b> Values<'b> {
             }
         };
         let sparse = accessor.sparse.as_ref();
-        let sparse = sparse.map(|json| Sparse::of(buffers, json, size, count, &place, budget)).transpose()?;
+        let sparse = sparse.map(|json| SparseValues::of(buffers, json, size, count, &place, budget)).transpose()?;
         Ok(Self { count, shape, component, normalized: accessor.normalized, base, sparse })
     }
 
@@ -166,7 +166,7 @@ impl<'b> Values<'b> {
     pub(super) fn indices(
         buffers: &Buffers<'_>,
         index: Option<Index<Accessor>>,
-        mesh: &'b Mesh,
+        mesh: &'b DracoMesh,
     ) -> Result<Self, Fault> {
         let count = (mesh.indices.len() / 4) as u64;
         if let Some(index) = index {
@@ -201,7 +201,7 @@ impl<'b> Values<'b> {
 
 /// The values of the attribute `id` of `mesh`, of the count and type of the accessor at `place`.
 fn attribute<'b>(
-    mesh: &'b Mesh,
+    mesh: &'b DracoMesh,
     id: u32,
     count: u64,
     component: ComponentType,
@@ -210,7 +210,7 @@ fn attribute<'b>(
 ) -> Result<&'b [u8], Fault> {
     let wrong = |expected: String, found: String| Fault::malformed(place(), expected, found);
     let Some(attribute) = mesh.attribute(id) else {
-        return Err(Fault::invalid(
+        return Err(Fault::broken(
             place(),
             format!("its Draco stream has no attribute {id} with values that glTF has"),
         ));

@@ -35,7 +35,7 @@ pub(super) struct Buffers<'a> {
     /// \[buffer view\], of compressed ones.
     decompressed: Vec<OnceCell<Vec<u8>>>,
     /// \[buffer view\], of those with Draco streams.
-    meshes: Vec<OnceCell<draco::Mesh>>,
+    meshes: Vec<OnceCell<draco::DracoMesh>>,
     bytes_loaded: Cell<u64>,
     bytes_decompressed: Cell<u64>,
 }
@@ -66,7 +66,7 @@ impl<'a> Buffers<'a> {
         let bytes: &[u8] = match (&buffer.uri, &self.blob) {
             (None, Some(blob)) if index.value() == 0 => blob,
             (None, _) => {
-                return Err(Fault::invalid(
+                return Err(Fault::broken(
                     format!("buffer {index}"),
                     "it has no URI, and there is no chunk BIN for it",
                 ));
@@ -108,14 +108,14 @@ impl<'a> Buffers<'a> {
     }
 
     /// The mesh of the Draco stream in buffer view `index`.
-    pub(super) fn draco(&self, index: Index<View>) -> Result<&draco::Mesh, Fault> {
+    pub(super) fn draco(&self, index: Index<View>) -> Result<&draco::DracoMesh, Fault> {
         let source = self.view(index)?;
         let cell = &self.meshes[index.value()];
         if let Some(mesh) = cell.get() {
             return Ok(mesh);
         }
         let room = self.room().saturating_sub(self.bytes_decompressed.get());
-        let mesh = draco::Mesh::decode(source, room, &|| format!("buffer view {index}"))?;
+        let mesh = draco::DracoMesh::decode(source, room, &|| format!("buffer view {index}"))?;
         self.charge(mesh.len())?;
         Ok(cell.get_or_init(|| mesh))
     }
@@ -168,7 +168,7 @@ impl<'a> Buffers<'a> {
 /// If the file cannot be read or lies outside the folder.
 pub fn beside(path: &Path, name: &str) -> Result<Vec<u8>, Fault> {
     check_name(name)?;
-    let wrong = |problem: &str| Fault::invalid(format!("the buffer \"{name}\""), problem);
+    let wrong = |problem: &str| Fault::broken(format!("the buffer \"{name}\""), problem);
     let unreadable = |error: std::io::Error| wrong(&format!("cannot read the file: {error}"));
     let path = path.parent().unwrap_or(Path::new("")).join(name);
     // Check that it is a file before opening it: opening a pipe would block.

@@ -2,6 +2,7 @@
 
 use super::super::input::bytes_at;
 use super::super::{Fault, Input};
+use strivec_format::Place;
 
 /// Bytes of JSON. Only data URIs make it large.
 const MAX_JSON: u64 = 256 << 20;
@@ -31,7 +32,7 @@ fn glb(input: &mut Input<'_>) -> Result<Container, Fault> {
         return Err(Fault::unsupported(format!("GLB of version {version}"), "convert it to glTF 2"));
     }
     if u64::from(length) > input.len() || length < 20 {
-        return Err(Fault::malformed("byte 8", format!("a length from 20 to {}", input.len()), length));
+        return Err(Fault::malformed(Place::Offset(8), format!("a length from 20 to {}", input.len()), length));
     }
     let (mut json, mut blob) = (None, None);
     while u64::from(length).saturating_sub(input.offset()) >= 8 {
@@ -50,7 +51,7 @@ fn glb(input: &mut Input<'_>) -> Result<Container, Fault> {
             _ => input.go_to(input.offset() + size)?,
         }
     }
-    let json = json.ok_or_else(|| Fault::invalid("byte 12", "there is no chunk JSON"))?;
+    let json = json.ok_or_else(|| Fault::broken("byte 12", "there is no chunk JSON"))?;
     Ok(Container { json, blob })
 }
 

@@ -76,7 +76,7 @@ impl Document {
     /// If it is not glTF 2, or uses unsupported extensions.
     pub(super) fn parse(json: &[u8]) -> Result<Self, Fault> {
         let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
-        let wrong = |error| Fault::invalid("the JSON", format!("not a glTF document: {error}"));
+        let wrong = |error| Fault::broken("the JSON", format!("not a glTF document: {error}"));
         let preamble: Preamble = serde_json::from_slice(json).map_err(wrong)?;
         let version = preamble.asset.map(|asset| asset.version).unwrap_or_else(|| "unknown".into());
         if version != "2" && !version.starts_with("2.") {
@@ -102,17 +102,17 @@ fn unsupported(name: &str) -> Fault {
 
 /// Entry `index` of `list`; `what` names an entry in errors.
 pub(super) fn get<'a, T>(list: &'a [T], index: Index<T>, what: &str) -> Result<&'a T, Fault> {
-    let missing = || Fault::invalid("the JSON", format!("{what} {index} is missing: there are {}", list.len()));
+    let missing = || Fault::broken("the JSON", format!("{what} {index} is missing: there are {}", list.len()));
     list.get(index.value()).ok_or_else(missing)
 }
 
 /// The spent part of [`MAX_CORNERS`]: a few bytes of JSON can instantiate one large mesh a million times.
 #[derive(Default)]
-pub(super) struct Budget {
+pub(super) struct CornerBudget {
     spent: u64,
 }
 
-impl Budget {
+impl CornerBudget {
     /// Adds `corners` and checks the limit.
     pub(super) fn spend(&mut self, corners: u64) -> Result<(), Fault> {
         self.spent = self.spent.saturating_add(corners);

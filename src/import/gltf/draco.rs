@@ -34,12 +34,12 @@ impl Draco {
         let json = primitive.extensions.as_ref().and_then(|all| all.others.get(NAME));
         json.map(Self::deserialize)
             .transpose()
-            .map_err(|error| Fault::invalid(place(), format!("invalid extension {NAME}: {error}")))
+            .map_err(|error| Fault::broken(place(), format!("invalid extension {NAME}: {error}")))
     }
 }
 
 /// A decoded stream.
-pub(super) struct Mesh {
+pub(super) struct DracoMesh {
     pub(super) points: u64,
     /// Indices of 32 bits, little-endian, three per triangle.
     pub(super) indices: Vec<u8>,
@@ -54,7 +54,7 @@ pub(super) struct Attribute {
     pub(super) bytes: Vec<u8>,
 }
 
-impl Mesh {
+impl DracoMesh {
     /// Decodes `source`; the result has at most `most` bytes.
     ///
     /// # Errors
@@ -69,9 +69,9 @@ impl Mesh {
         MeshDecoder::new().decode(&mut DecoderBuffer::new(source).with_limits(limits), &mut mesh).map_err(|error| {
             match error.kind() {
                 ErrorKind::LimitExceeded => {
-                    Fault::invalid(place(), format!("its Draco stream decompresses to more than {most} bytes"))
+                    Fault::broken(place(), format!("its Draco stream decompresses to more than {most} bytes"))
                 }
-                _ => Fault::invalid(place(), format!("cannot decode the Draco stream: {}", error.message())),
+                _ => Fault::broken(place(), format!("cannot decode the Draco stream: {}", error.message())),
             }
         })?;
         let indices = mesh.faces().iter().flatten().flat_map(|point| point.0.to_le_bytes()).collect();

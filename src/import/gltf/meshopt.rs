@@ -26,7 +26,7 @@ pub(super) struct Meshopt {
     count: u64,
     mode: Mode,
     #[serde(default)]
-    filter: Filter,
+    filter: MeshoptFilter,
 }
 
 #[derive(Clone, Copy, Deserialize)]
@@ -39,7 +39,7 @@ enum Mode {
 
 #[derive(Clone, Copy, Default, Deserialize)]
 #[serde(rename_all = "UPPERCASE")]
-enum Filter {
+enum MeshoptFilter {
     #[default]
     None,
     Octahedral,
@@ -62,7 +62,7 @@ impl Meshopt {
             return Ok(None);
         };
         let meshopt = Self::deserialize(json)
-            .map_err(|error| Fault::invalid(place(), format!("invalid extension {name}: {error}")))?;
+            .map_err(|error| Fault::broken(place(), format!("invalid extension {name}: {error}")))?;
         if meshopt.count.checked_mul(meshopt.byte_stride) != Some(view.byte_length.0) {
             let found = format!("{} elements of {} bytes", meshopt.count, meshopt.byte_stride);
             return Err(Fault::malformed(place(), format!("{} bytes in {name}", view.byte_length.0), found));
@@ -76,7 +76,7 @@ impl Meshopt {
     ///
     /// If `source` breaks the format.
     pub(super) fn decode(&self, source: &[u8], place: &dyn Fn() -> String) -> Result<Vec<u8>, Fault> {
-        let wrong = |error| Fault::invalid(place(), format!("the meshopt compression is invalid: {error}"));
+        let wrong = |error| Fault::broken(place(), format!("the meshopt compression is invalid: {error}"));
         let (count, stride) = (self.count as usize, self.byte_stride as usize);
         // The caller has limited the size, and the work is proportional to it.
         let mut workspace = Workspace::new(Limits { max_bytes: count * stride, max_work: u64::MAX });
@@ -87,11 +87,11 @@ impl Meshopt {
         };
         let mut bytes = decode(count, stride, source, &mut workspace).map_err(wrong)?;
         let filter = match self.filter {
-            Filter::None => return Ok(bytes),
-            Filter::Octahedral => decode_filter_oct,
-            Filter::Quaternion => decode_filter_quat,
-            Filter::Exponential => decode_filter_exp,
-            Filter::Color => decode_filter_color,
+            MeshoptFilter::None => return Ok(bytes),
+            MeshoptFilter::Octahedral => decode_filter_oct,
+            MeshoptFilter::Quaternion => decode_filter_quat,
+            MeshoptFilter::Exponential => decode_filter_exp,
+            MeshoptFilter::Color => decode_filter_color,
         };
         filter(&mut bytes, count, stride, &mut workspace).map_err(wrong)?;
         Ok(bytes)

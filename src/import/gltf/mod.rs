@@ -26,7 +26,7 @@ mod tests;
 use super::{Fault, Input, ReadOptions, Visitor};
 use buffers::Buffers;
 pub use buffers::beside;
-use document::{Budget, Document};
+use document::{CornerBudget, Document};
 use primitive::Primitive;
 
 /// Reads `input`; `beside` returns the bytes of the files that it names.
@@ -44,7 +44,7 @@ pub fn read(
     let document = Document::parse(&json)?;
     drop(json);
     let buffers = Buffers::new(&document, blob, beside);
-    let mut budget = Budget::default();
+    let mut budget = CornerBudget::default();
     let mut none = true;
     scene::walk(&document, |index, world| {
         let mesh = document::get(&document.meshes, index, "mesh")?;
@@ -58,7 +58,7 @@ pub fn read(
         Ok(())
     })?;
     if none {
-        return Err(Fault::invalid("the scene", "it has no mesh of triangles or points"));
+        return Err(Fault::broken("the scene", "it has no mesh of triangles or points"));
     }
     Ok(())
 }

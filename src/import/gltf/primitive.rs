@@ -11,7 +11,7 @@ use gltf::mesh::Semantic;
 use super::super::{Fault, Point, Visitor};
 use super::accessor::Values;
 use super::buffers::Buffers;
-use super::document::Budget;
+use super::document::CornerBudget;
 use super::draco::Draco;
 
 /// Corners charged for a primitive itself, so that empty ones are limited too.
@@ -36,7 +36,7 @@ impl<'b> Primitive<'b> {
         json: &Json,
         place: &dyn Fn() -> String,
         buffers: &'b Buffers<'_>,
-        budget: &mut Budget,
+        budget: &mut CornerBudget,
     ) -> Result<Option<Self>, Fault> {
         budget.spend(PRIMITIVE_COST)?;
         let wrong = |expected: &str, found: String| Err(Fault::malformed(place(), expected, found));
@@ -95,7 +95,7 @@ impl<'b> Primitive<'b> {
         world: &DMat4,
         only_vertices: bool,
         place: &dyn Fn() -> String,
-        budget: &mut Budget,
+        budget: &mut CornerBudget,
         bytes: u64,
         visitor: &mut dyn Visitor,
     ) -> Result<(), Fault> {

@@ -24,7 +24,7 @@ pub(super) fn walk(
     while let Some((index, parent)) = waiting.pop() {
         let node = get(&document.nodes, index, "node")?;
         if std::mem::replace(&mut visited[index.value()], true) {
-            return Err(Fault::invalid(format!("node {index}"), "it has two parents or is part of a cycle"));
+            return Err(Fault::broken(format!("node {index}"), "it has two parents or is part of a cycle"));
         }
         let world = parent * local(node, index)?;
         if let Some(mesh) = node.mesh {

@@ -12,7 +12,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use laz::LazVlr;
 use laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 
-use super::header::{BATCH, Header};
+use super::header::{BATCH, LasHeader};
 use crate::input::bytes_at;
 use crate::{Fault, Input};
 
@@ -24,7 +24,7 @@ const MAX_LAYERS: u64 = 1 << 28;
 
 /// The layout of compressed points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum ItemKind {
     /// One stream.
     Whole,
     /// Chunks of this number of points.
@@ -40,7 +40,7 @@ enum Kind {
 /// If the compression is unknown, the points end early or are invalid, and those of `sink`.
 pub(super) fn read(
     input: &mut Input<'_>,
-    header: &Header,
+    header: &LasHeader,
     sink: &mut dyn FnMut(&[u8]) -> Result<(), Fault>,
 ) -> Result<(), Fault> {
     let description = find_description(input, header)?;
@@ -50,26 +50,26 @@ pub(super) fn read(
     if header.points == 0 {
         return Ok(());
     }
-    if kind != Kind::Whole {
+    if kind != ItemKind::Whole {
         let _: [u8; 8] = input.array("the place of the table of chunks")?;
     }
     let mut left = header.points;
     while left > 0 {
         let points = match kind {
-            Kind::Whole => left,
-            Kind::Chunked(points) => points.min(left),
-            Kind::Layered => check_layers(input, header)?.min(left),
+            ItemKind::Whole => left,
+            ItemKind::Chunked(points) => points.min(left),
+            ItemKind::Layered => check_layers(input, header)?.min(left),
         };
         left -= points;
         let at = input.place();
         let record = header.record as usize;
         match kind {
-            Kind::Layered => {
+            ItemKind::Layered => {
                 let mut decoder = LayeredPointRecordDecompressor::new(&mut *input);
                 decoder.set_fields_from(description.items()).map_err(|error| unknown(&error))?;
                 chunk(&mut decoder, points, record, &at, sink)?;
             }
-            Kind::Whole | Kind::Chunked(_) => {
+            ItemKind::Whole | ItemKind::Chunked(_) => {
                 let mut decoder = SequentialPointRecordDecompressor::new(&mut *input);
                 decoder.set_fields_from(description.items()).map_err(|error| unknown(&error))?;
                 chunk(&mut decoder, points, record, &at, sink)?;
@@ -93,7 +93,7 @@ fn chunk<R>(
         left -= taken;
         records.resize(taken as usize * record, 0);
         let decoded = catch_unwind(AssertUnwindSafe(|| decoder.decompress_many(&mut records)));
-        let bad = |problem: &str| Fault::invalid(format!("the chunk at {at}"), problem);
+        let bad = |problem: &str| Fault::broken(format!("the chunk at {at}"), problem);
         match decoded {
             Ok(Ok(())) => sink(&records)?,
             Ok(Err(error)) if error.kind() == io::ErrorKind::UnexpectedEof => {
@@ -107,11 +107,11 @@ fn chunk<R>(
 }
 
 fn unknown(error: &laz::LasZipError) -> Fault {
-    Fault::invalid("the record of LAZ", format!("unknown compression: {error}"))
+    Fault::broken("the record of LAZ", format!("unknown compression: {error}"))
 }
 
 /// The record that describes the compression.
-fn find_description(input: &mut Input<'_>, header: &Header) -> Result<Vec<u8>, Fault> {
+fn find_description(input: &mut Input<'_>, header: &LasHeader) -> Result<Vec<u8>, Fault> {
     input.go_to(header.header)?;
     for _ in 0..header.records {
         let place = input.place();
@@ -121,7 +121,7 @@ fn find_description(input: &mut Input<'_>, header: &Header) -> Result<Vec<u8>, F
             }
             let problem =
                 format!("the record reaches beyond the start of the points, byte {}", header.offset_to_points);
-            Err(Fault::invalid(place.clone(), problem))
+            Err(Fault::broken(place.clone(), problem))
         };
         before(input, RECORD_HEADER)?;
         let head: [u8; RECORD_HEADER as usize] = input.array("a record")?;
@@ -135,11 +135,11 @@ fn find_description(input: &mut Input<'_>, header: &Header) -> Result<Vec<u8>, F
         }
         input.go_to(input.offset() + u64::from(length))?;
     }
-    Err(Fault::invalid("the records before the points", "none describes the compression"))
+    Err(Fault::broken("the records before the points", "none describes the compression"))
 }
 
 /// Checks that the description matches the point format.
-fn check(description: &[u8], header: &Header) -> Result<Kind, Fault> {
+fn check(description: &[u8], header: &LasHeader) -> Result<ItemKind, Fault> {
     let bad = |expected: String, found: String| Fault::malformed("the record of LAZ", expected, found);
     let short = |at: usize| description.get(at..at + 2).map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
     let (Some(compressor), Some(coder), Some(count)) = (short(0), short(2), short(32)) else {
@@ -148,13 +148,13 @@ fn check(description: &[u8], header: &Header) -> Result<Kind, Fault> {
     let chunk = u32::from_le_bytes(bytes_at(description, 12));
     let extended = header.format >= 6;
     let kind = match (compressor, extended, chunk) {
-        (1, false, _) => Kind::Whole,
+        (1, false, _) => ItemKind::Whole,
         (2, false, 0 | u32::MAX) => {
             let what = format!("LAZ of point format {} in chunks of different sizes", header.format);
             return Err(Fault::unsupported(what, "write it as LAS, or as LAZ with chunks of one size"));
         }
-        (2, false, points) => Kind::Chunked(points.into()),
-        (3, true, _) => Kind::Layered,
+        (2, false, points) => ItemKind::Chunked(points.into()),
+        (3, true, _) => ItemKind::Layered,
         _ => {
             let expected = format!("a compression for point format {}", header.format);
             return Err(bad(expected, format!("compressor {compressor}")));
@@ -178,7 +178,7 @@ fn check(description: &[u8], header: &Header) -> Result<Kind, Fault> {
 }
 
 /// LAZ's items of the point format: (kind, bytes).
-fn items_of(header: &Header) -> Vec<(u16, u16)> {
+fn items_of(header: &LasHeader) -> Vec<(u16, u16)> {
     const POINT: (u16, u16) = (6, 20);
     const TIME: (u16, u16) = (7, 8);
     const COLOR: (u16, u16) = (8, 6);
@@ -208,7 +208,7 @@ fn items_of(header: &Header) -> Vec<(u16, u16)> {
 }
 
 /// Layers in a chunk of the point format: nine for the point, one each for color and waveform, one for each extra byte.
-fn layers(header: &Header) -> u64 {
+fn layers(header: &LasHeader) -> u64 {
     let layers = match header.format {
         6 => 9,
         7 | 9 => 10,
@@ -220,7 +220,7 @@ fn layers(header: &Header) -> u64 {
 
 /// The number of points of the next chunk, after a check that its layers fit into the file. A chunk begins with an
 /// uncompressed point, the number of points, and the lengths of the layers.
-fn check_layers(input: &mut Input<'_>, header: &Header) -> Result<u64, Fault> {
+fn check_layers(input: &mut Input<'_>, header: &LasHeader) -> Result<u64, Fault> {
     let place = input.place();
     let start = input.offset();
     input.expect_left(header.record + 4 + 4 * layers(header), "a chunk's head")?;
@@ -234,7 +234,7 @@ fn check_layers(input: &mut Input<'_>, header: &Header) -> Result<u64, Fault> {
     input.expect_left(bytes, "layers")?;
     input.go_to(start)?;
     if points == 0 {
-        return Err(Fault::invalid(place, "the chunk has no points"));
+        return Err(Fault::broken(place, "the chunk has no points"));
     }
     Ok(points.into())
 }

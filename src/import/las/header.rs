@@ -5,6 +5,7 @@ use glam::DVec3;
 use crate::error::excerpt;
 use crate::input::bytes_at;
 use crate::{Fault, Input, LeftOut};
+use strivec_format::Place;
 
 /// Points of one read.
 pub(super) const BATCH: u64 = 4096;
@@ -41,7 +42,7 @@ const MAX_POINTS_PER_BYTE: u64 = 100;
 
 /// The header.
 #[derive(Debug)]
-pub(super) struct Header {
+pub(super) struct LasHeader {
     /// True for LAZ.
     pub(super) compressed: bool,
     /// Point format, 0 to 10.
@@ -57,23 +58,23 @@ pub(super) struct Header {
     offset: DVec3,
 }
 
-impl Header {
+impl LasHeader {
     /// Reads the header, and checks that the file holds the declared points.
     pub(super) fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
         let mut bytes = [0; LARGEST_HEADER];
         input.fill(&mut bytes[..HEADER_BYTES], "a LAS header")?;
         if &bytes[..4] != b"LASF" {
-            return Err(Fault::malformed("byte 0", "LASF", excerpt(&bytes[..4])));
+            return Err(Fault::malformed(Place::Offset(0), "LASF", excerpt(&bytes[..4])));
         }
         let version = (bytes[24], bytes[25]);
         if version.0 != 1 || version.1 > 4 {
             let found = format!("{}.{}", version.0, version.1);
-            return Err(Fault::malformed("byte 24", "a version from 1.0 to 1.4", found));
+            return Err(Fault::malformed(Place::Offset(24), "a version from 1.0 to 1.4", found));
         }
         let header = u16::from_le_bytes([bytes[94], bytes[95]]);
         let least = [HEADER_BYTES, HEADER_BYTES, HEADER_BYTES, 235, LARGEST_HEADER][usize::from(version.1)];
         if usize::from(header) < least {
-            return Err(Fault::malformed("byte 94", format!("a header of at least {least} bytes"), header));
+            return Err(Fault::malformed(Place::Offset(94), format!("a header of at least {least} bytes"), header));
         }
         if version.1 == 4 {
             input.fill(&mut bytes[HEADER_BYTES..], "a LAS 1.4 header")?;
@@ -81,17 +82,17 @@ impl Header {
         let offset_to_points = u64::from(word(&bytes, 96));
         if offset_to_points < header.into() || offset_to_points > input.len() {
             let expected = format!("an offset of the points from {header} to {}", input.len());
-            return Err(Fault::malformed("byte 96", expected, offset_to_points));
+            return Err(Fault::malformed(Place::Offset(96), expected, offset_to_points));
         }
         let format = bytes[104] & 0x3f;
         let compressed = bytes[104] & 0x80 != 0;
         let Some((least, _)) = FORMATS.get(usize::from(format)).filter(|_| bytes[104] & 0x40 == 0) else {
-            return Err(Fault::malformed("byte 104", "a point format from 0 to 10", bytes[104]));
+            return Err(Fault::malformed(Place::Offset(104), "a point format from 0 to 10", bytes[104]));
         };
         let record = u16::from_le_bytes([bytes[105], bytes[106]]);
         if record < *least {
             let expected = format!("records of at least {least} bytes");
-            return Err(Fault::malformed("byte 105", expected, record));
+            return Err(Fault::malformed(Place::Offset(105), expected, record));
         }
         // In 1.4, the older field is used unless it is 0.
         let points = match (word(&bytes, 107), version.1) {
@@ -117,7 +118,7 @@ impl Header {
     fn check(&self, len: u64) -> Result<(), Fault> {
         if !self.scale.is_finite() || !self.offset.is_finite() {
             return Err(Fault::malformed(
-                "byte 131",
+                Place::Offset(131),
                 "finite scales and offsets",
                 format!("{} {}", self.scale, self.offset),
             ));

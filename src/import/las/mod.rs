@@ -14,7 +14,7 @@ mod tests;
 
 use glam::DVec3;
 
-use self::header::{BATCH, Header};
+use self::header::{BATCH, LasHeader};
 use super::{Fault, Input, Point, ReadOptions, Visitor};
 
 /// Points that are held to find the range of their colors.
@@ -27,13 +27,14 @@ const JUDGED: usize = 10_000;
 /// If the header contradicts itself or declares more than the file holds, compressed points are invalid, a coordinate
 /// is not finite, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
-    let header = Header::read(input)?;
-    let mut points = Points { header: &header, keep_noise: options.keep_noise, held: Vec::new(), shift: None, done: 0 };
+    let header = LasHeader::read(input)?;
+    let mut points =
+        RecordReader { header: &header, keep_noise: options.keep_noise, held: Vec::new(), shift: None, done: 0 };
     if header.compressed {
         compressed::read(input, &header, &mut |records| points.take(records, visitor))?;
     } else {
         input.go_to(header.offset_to_points)?;
-        // `Header::read` has checked that the file holds all points.
+        // `LasHeader::read` has checked that the file holds all points.
         let mut left = header.points;
         let mut records = Vec::new();
         while left > 0 {
@@ -48,8 +49,8 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
 }
 
 /// Converts records to points.
-struct Points<'a> {
-    header: &'a Header,
+struct RecordReader<'a> {
+    header: &'a LasHeader,
     keep_noise: bool,
     held: Vec<(DVec3, [u16; 3])>,
     /// Right shift from 16-bit colors to bytes, once it is known.
@@ -57,7 +58,7 @@ struct Points<'a> {
     done: u64,
 }
 
-impl Points<'_> {
+impl RecordReader<'_> {
     fn take(&mut self, records: &[u8], visitor: &mut dyn Visitor) -> Result<(), Fault> {
         visitor.progress(self.done, self.header.points)?;
         for record in records.chunks_exact(self.header.record as usize) {

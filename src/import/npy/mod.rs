@@ -7,6 +7,8 @@ mod write;
 
 use std::io;
 
+use strivec_format::Invalid;
+
 pub use read::number_of;
 pub use write::{Element, NpzWriter, write};
 
@@ -46,13 +48,6 @@ pub enum NpyError {
     #[error("cannot read the array: {0}")]
     Io(#[from] io::Error),
     /// NumPy does not write such a file.
-    #[error("the {place} of the array must be {expected}, not {found}; save the array with `numpy.save`")]
-    Malformed {
-        /// The part of the file.
-        place: &'static str,
-        /// Accepted values.
-        expected: &'static str,
-        /// The file's value.
-        found: String,
-    },
+    #[error("{0}; save the array with `numpy.save`")]
+    Malformed(Invalid),
 }

@@ -44,7 +44,7 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
     let (models, _) = match (guard.end(), loaded) {
         (Some(fault), _) => return Err(fault),
         (None, Ok(loaded)) => loaded,
-        (None, Err(error)) => return Err(Fault::invalid("the mesh", error.to_string())),
+        (None, Err(error)) => return Err(Fault::broken("the mesh", error.to_string())),
     };
 
     let mut triangulator = Triangulator::default();
@@ -105,7 +105,7 @@ fn read_vertices(input: &mut Input<'_>, visitor: &mut dyn Visitor) -> Result<(),
         }
     }
     if none {
-        return Err(Fault::invalid("the file", "it has no vertices"));
+        return Err(Fault::broken("the file", "it has no vertices"));
     }
     Ok(())
 }

@@ -1,6 +1,8 @@
 //! The statements of an OBJ file: lines without comments; a backslash at the end of a line continues it.
 
 use glam::DVec3;
+use std::fmt::Display;
+use strivec_format::Place;
 
 use super::super::error::excerpt;
 use super::super::{Fault, Input, Point, Visitor};
@@ -98,8 +100,8 @@ impl<'i, 'a> Statements<'i, 'a> {
     }
 
     /// The fault that this statement is not `expected`.
-    pub(super) fn wrong(&self, expected: impl Into<String>) -> Fault {
-        Fault::malformed(format!("line {}", self.line), expected, excerpt(&self.text))
+    pub(super) fn wrong(&self, expected: impl Display) -> Fault {
+        Fault::malformed(Place::Line(self.line), expected, excerpt(&self.text))
     }
 }
 

@@ -22,7 +22,7 @@ pub(super) enum Data {
 
 /// Type of a field's numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum FieldKind {
     Float,
     Signed,
     Unsigned,
@@ -30,8 +30,8 @@ enum Kind {
 
 /// A field. Only the first of its numbers is read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Field {
-    kind: Kind,
+pub(super) struct PcdField {
+    kind: FieldKind,
     /// Bytes of a number.
     pub(super) size: usize,
     /// Offset in a record.
@@ -40,7 +40,7 @@ pub(super) struct Field {
     pub(super) column: usize,
 }
 
-impl Field {
+impl PcdField {
     /// Range in a record.
     pub(super) fn bytes(&self) -> Range<usize> {
         self.start..self.start + self.size
@@ -49,10 +49,10 @@ impl Field {
     /// The number in `bytes`, which are `size` long.
     pub(super) fn value(&self, bytes: &[u8]) -> f64 {
         match (self.kind, bytes) {
-            (Kind::Float, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]).into(),
-            (Kind::Float, bytes) => f64::from_bits(unsigned(bytes)),
-            (Kind::Unsigned, bytes) => unsigned(bytes) as f64,
-            (Kind::Signed, bytes) => {
+            (FieldKind::Float, &[a, b, c, d]) => f32::from_le_bytes([a, b, c, d]).into(),
+            (FieldKind::Float, bytes) => f64::from_bits(unsigned(bytes)),
+            (FieldKind::Unsigned, bytes) => unsigned(bytes) as f64,
+            (FieldKind::Signed, bytes) => {
                 let unused = 64 - 8 * bytes.len() as u32;
                 ((unsigned(bytes) << unused) as i64 >> unused) as f64
             }
@@ -68,7 +68,7 @@ impl Field {
     pub(super) fn packed_of_text(&self, text: &str) -> Option<u32> {
         match (text.parse::<i64>(), self.kind) {
             (Ok(packed), _) => Some(packed as u32),
-            (Err(_), Kind::Float) => text.parse::<f32>().ok().map(f32::to_bits),
+            (Err(_), FieldKind::Float) => text.parse::<f32>().ok().map(f32::to_bits),
             (Err(_), _) => None,
         }
     }
@@ -80,21 +80,21 @@ fn unsigned(bytes: &[u8]) -> u64 {
 
 /// The header.
 #[derive(Debug)]
-pub(super) struct Header {
+pub(super) struct PcdHeader {
     pub(super) data: Data,
     pub(super) points: u64,
     /// Bytes of a record.
     pub(super) record: u64,
     /// Numbers in a line.
     pub(super) columns: usize,
-    pub(super) position: [Field; 3],
+    pub(super) position: [PcdField; 3],
     /// `rgb` or `rgba`.
-    pub(super) color: Option<Field>,
+    pub(super) color: Option<PcdField>,
     /// Lines of the header.
     pub(super) lines: u64,
 }
 
-impl Header {
+impl PcdHeader {
     /// Bytes of all records.
     ///
     /// # Errors
@@ -102,9 +102,8 @@ impl Header {
     /// If the product overflows.
     pub(super) fn bytes(&self) -> Result<u64, Fault> {
         let bytes = self.points.checked_mul(self.record);
-        bytes.ok_or_else(|| {
-            Fault::invalid("POINTS", format!("{} points of {} bytes overflow", self.points, self.record))
-        })
+        bytes
+            .ok_or_else(|| Fault::broken("POINTS", format!("{} points of {} bytes overflow", self.points, self.record)))
     }
 
     /// Reads the header, up to the first byte of the points.
@@ -139,14 +138,14 @@ impl Header {
                     })?,
             };
             if entries.iter().any(|(known, _)| *known == key) {
-                return Err(Fault::invalid(place(), format!("a second line {key}")));
+                return Err(Fault::broken(place(), format!("a second line {key}")));
             }
             entries.push((key, words.map(String::from).collect()));
         };
-        Self::of(&Entries(entries), data, lines)
+        Self::of(&HeaderLines(entries), data, lines)
     }
 
-    fn of(entries: &Entries<'_>, data: Data, lines: u64) -> Result<Self, Fault> {
+    fn of(entries: &HeaderLines<'_>, data: Data, lines: u64) -> Result<Self, Fault> {
         let names = entries.words("FIELDS")?;
         let sizes = entries.numbers("SIZE", names.len())?;
         let kinds = entries.words("TYPE")?;
@@ -162,16 +161,16 @@ impl Header {
         for (((name, size), kind), count) in names.iter().zip(sizes).zip(kinds).zip(counts) {
             let (start, column) = (record as usize, columns as usize);
             let kind = match (kind.as_str(), size) {
-                ("F", 4 | 8) => Kind::Float,
-                ("I", 1 | 2 | 4 | 8) => Kind::Signed,
-                ("U", 1 | 2 | 4 | 8) => Kind::Unsigned,
+                ("F", 4 | 8) => FieldKind::Float,
+                ("I", 1 | 2 | 4 | 8) => FieldKind::Signed,
+                ("U", 1 | 2 | 4 | 8) => FieldKind::Unsigned,
                 _ => {
                     let found: String = kind.chars().take(8).collect();
                     let expected = "F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8 bytes";
                     return Err(Fault::malformed("TYPE and SIZE", expected, format!("{found} of {size}")));
                 }
             };
-            fields.push((name.as_str(), count, Field { kind, size: size as usize, start, column }));
+            fields.push((name.as_str(), count, PcdField { kind, size: size as usize, start, column }));
             columns = columns.saturating_add(count);
             record = record.saturating_add(size.saturating_mul(count));
             Fault::unless_within("bytes of a record", MAX_RECORD, record)?;
@@ -183,7 +182,7 @@ impl Header {
                 .map(|(_, _, field)| field.clone())
         };
         let axis = |wanted: &str| {
-            find(wanted).ok_or_else(|| Fault::invalid("FIELDS", format!("the field {wanted} is missing")))
+            find(wanted).ok_or_else(|| Fault::broken("FIELDS", format!("the field {wanted} is missing")))
         };
         let color = find("rgb").or_else(|| find("rgba")).filter(|field| field.size >= 4);
         Ok(Self {
@@ -211,14 +210,14 @@ fn data(word: &str, place: String) -> Result<Data, Fault> {
 }
 
 /// The lines of the header: a key and words.
-struct Entries<'a>(Vec<(&'a str, Vec<String>)>);
+struct HeaderLines<'a>(Vec<(&'a str, Vec<String>)>);
 
-impl Entries<'_> {
+impl HeaderLines<'_> {
     fn words(&self, key: &str) -> Result<&[String], Fault> {
         let entry = self.0.iter().find(|(known, _)| *known == key);
         entry
             .map(|(_, words)| &words[..])
-            .ok_or_else(|| Fault::invalid("the header", format!("the line {key} is missing")))
+            .ok_or_else(|| Fault::broken("the header", format!("the line {key} is missing")))
     }
 
     fn numbers(&self, key: &str, count: usize) -> Result<Vec<u64>, Fault> {

@@ -56,7 +56,7 @@ pub(super) fn decompress(
             let back = usize::from(control & 31) << 8 | usize::from(low);
             let Some(start) = bytes.len().checked_sub(back + 1) else {
                 let problem = format!("a copy begins {} bytes back, before the first byte", back + 1);
-                return Err(Fault::invalid(place, problem));
+                return Err(Fault::broken(place, problem));
             };
             // A copy may overlap its own output, which repeats bytes.
             for at in start..start + length {

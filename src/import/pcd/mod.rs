@@ -15,7 +15,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use self::header::{Data, Field, Header, MAX_LINE};
+use self::header::{Data, MAX_LINE, PcdField, PcdHeader};
 use super::{Fault, Input, Point, ReadOptions, Visitor};
 
 /// Bytes of one read.
@@ -31,7 +31,7 @@ const MAX_COLUMNS: u64 = 1 << 31;
 /// If the header contradicts itself or declares more than the file holds, compressed bytes are invalid, a coordinate is
 /// infinite, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
-    let header = Header::read(input)?;
+    let header = PcdHeader::read(input)?;
     match header.data {
         Data::Ascii => read_text(input, &header, visitor),
         Data::Binary => read_records(input, &header, visitor),
@@ -39,7 +39,7 @@ pub fn read(input: &mut Input<'_>, _options: &ReadOptions, visitor: &mut dyn Vis
     }
 }
 
-fn read_text(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+fn read_text(input: &mut Input<'_>, header: &PcdHeader, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let mut line = Vec::new();
     let mut fields: Vec<Range<usize>> = Vec::new();
     let mut at = header.lines;
@@ -68,7 +68,7 @@ fn read_text(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visitor) 
             return Err(Fault::malformed(place(), format!("{} numbers", header.columns), fields.len()));
         }
         points += 1;
-        let text = |field: &Field| {
+        let text = |field: &PcdField| {
             let bytes = &line[fields[field.column].clone()];
             std::str::from_utf8(bytes).map_err(|_| Fault::malformed(place(), "a number", "bytes that are not UTF-8"))
         };
@@ -90,7 +90,7 @@ fn no_number(place: String, text: &str) -> Fault {
     Fault::malformed(place, "a number", format!("{:?}", text.chars().take(40).collect::<String>()))
 }
 
-fn read_records(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+fn read_records(input: &mut Input<'_>, header: &PcdHeader, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     input.expect_left(header.bytes()?, "points")?;
     let most = (BATCH_BYTES / header.record).max(1);
     let mut left = header.points;
@@ -111,7 +111,7 @@ fn read_records(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visito
     Ok(())
 }
 
-fn read_columns(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+fn read_columns(input: &mut Input<'_>, header: &PcdHeader, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let place = input.place();
     let packed = u32::from_le_bytes(input.array("the size of the compressed points")?);
     let size = u64::from(u32::from_le_bytes(input.array("the size of the points")?));
@@ -143,7 +143,7 @@ fn read_columns(input: &mut Input<'_>, header: &Header, visitor: &mut dyn Visito
         }
     })?;
     for at in 0..header.points as usize {
-        let value = |column: usize, field: &Field| &columns[column][at * field.size..][..field.size];
+        let value = |column: usize, field: &PcdField| &columns[column][at * field.size..][..field.size];
         let mut position = [0.0; 3];
         for (axis, field) in header.position.iter().enumerate() {
             position[axis] = field.value(value(axis, field));

@@ -5,7 +5,7 @@ use std::io::BufRead;
 
 use super::super::error::excerpt;
 use super::super::{Fault, Input, Visitor};
-use super::header::{Element, Encoding, Header, Kind, Scalar};
+use super::header::{BodyEncoding, Kind, PlyElement, PlyHeader, PlyScalar};
 
 /// Bytes of one read; more than the largest record without lists.
 const CHUNK: usize = 1 << 16;
@@ -14,12 +14,12 @@ const MAX_TOKEN: usize = 1024;
 
 /// A position in the file, for errors.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Place {
+pub(super) enum BodyOffset {
     Line(u64),
     Byte(u64),
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for BodyOffset {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Line(line) => write!(formatter, "line {line}"),
@@ -34,9 +34,9 @@ pub(super) struct Mark {
     line: u64,
 }
 
-pub(super) struct Body<'i, 'a> {
+pub(super) struct BodyReader<'i, 'a> {
     input: &'i mut Input<'a>,
-    encoding: Encoding,
+    encoding: BodyEncoding,
     /// Last byte of a line.
     line_end: u8,
     /// Number of the current line, from 1.
@@ -45,10 +45,10 @@ pub(super) struct Body<'i, 'a> {
     chunk: Vec<u8>,
 }
 
-impl<'i, 'a> Body<'i, 'a> {
+impl<'i, 'a> BodyReader<'i, 'a> {
     /// The body after `header`.
-    pub(super) fn new(input: &'i mut Input<'a>, header: &Header) -> Self {
-        let Header { encoding, lines, line_end, .. } = *header;
+    pub(super) fn new(input: &'i mut Input<'a>, header: &PlyHeader) -> Self {
+        let PlyHeader { encoding, lines, line_end, .. } = *header;
         Self { input, encoding, line_end, line: lines + 1, token: Vec::new(), chunk: vec![0; CHUNK] }
     }
 
@@ -64,13 +64,15 @@ impl<'i, 'a> Body<'i, 'a> {
     /// Calls `each` for each record with the values of the properties `wanted`, in that order, and the record's place.
     pub(super) fn records(
         &mut self,
-        element: &Element,
+        element: &PlyElement,
         wanted: &[usize],
         visitor: &mut dyn Visitor,
-        mut each: impl FnMut(&mut dyn Visitor, &[f64], Place) -> Result<(), Fault>,
+        mut each: impl FnMut(&mut dyn Visitor, &[f64], BodyOffset) -> Result<(), Fault>,
     ) -> Result<(), Fault> {
         match element.record_size() {
-            Some(size) if self.encoding != Encoding::Ascii => self.even_records(element, size, wanted, visitor, each),
+            Some(size) if self.encoding != BodyEncoding::Ascii => {
+                self.even_records(element, size, wanted, visitor, each)
+            }
             _ => {
                 let slot = |n| wanted.iter().position(|&property| property == n);
                 let slots: Vec<Option<usize>> = (0..element.properties.len()).map(slot).collect();
@@ -91,14 +93,14 @@ impl<'i, 'a> Body<'i, 'a> {
         }
     }
 
-    /// [`Body::records`] of `size` bytes each.
+    /// [`BodyReader::records`] of `size` bytes each.
     fn even_records(
         &mut self,
-        element: &Element,
+        element: &PlyElement,
         size: usize,
         wanted: &[usize],
         visitor: &mut dyn Visitor,
-        mut each: impl FnMut(&mut dyn Visitor, &[f64], Place) -> Result<(), Fault>,
+        mut each: impl FnMut(&mut dyn Visitor, &[f64], BodyOffset) -> Result<(), Fault>,
     ) -> Result<(), Fault> {
         let mut starts = Vec::with_capacity(element.properties.len());
         let mut start = 0;
@@ -107,9 +109,9 @@ impl<'i, 'a> Body<'i, 'a> {
             starts.push((start, scalar));
             start += scalar.size();
         }
-        let fields: Vec<(usize, Scalar)> = wanted.iter().map(|&property| starts[property]).collect();
+        let fields: Vec<(usize, PlyScalar)> = wanted.iter().map(|&property| starts[property]).collect();
         let mut values = vec![0.0; wanted.len()];
-        let big_endian = self.encoding == Encoding::BigEndian;
+        let big_endian = self.encoding == BodyEncoding::BigEndian;
         let mut left = element.count;
         while left > 0 {
             let records = left.min((CHUNK / size) as u64);
@@ -120,7 +122,7 @@ impl<'i, 'a> Body<'i, 'a> {
                 for (value, &(start, scalar)) in values.iter_mut().zip(&fields) {
                     *value = scalar.decode(&record[start..], big_endian);
                 }
-                each(visitor, &values, Place::Byte(place))?;
+                each(visitor, &values, BodyOffset::Byte(place))?;
                 place += size as u64;
             }
             left -= records;
@@ -132,10 +134,10 @@ impl<'i, 'a> Body<'i, 'a> {
     /// Calls `each` for each item of the list property `list`; the flag is true for the first item of a list.
     pub(super) fn items(
         &mut self,
-        element: &Element,
+        element: &PlyElement,
         list: usize,
         visitor: &mut dyn Visitor,
-        mut each: impl FnMut(&mut dyn Visitor, bool, f64, Place) -> Result<(), Fault>,
+        mut each: impl FnMut(&mut dyn Visitor, bool, f64, BodyOffset) -> Result<(), Fault>,
     ) -> Result<(), Fault> {
         for _ in 0..element.count {
             self.record(element, |body, n, kind| match kind {
@@ -149,15 +151,15 @@ impl<'i, 'a> Body<'i, 'a> {
 
     fn list(
         &mut self,
-        count: Scalar,
-        item: Scalar,
+        count: PlyScalar,
+        item: PlyScalar,
         visitor: &mut dyn Visitor,
-        each: &mut impl FnMut(&mut dyn Visitor, bool, f64, Place) -> Result<(), Fault>,
+        each: &mut impl FnMut(&mut dyn Visitor, bool, f64, BodyOffset) -> Result<(), Fault>,
     ) -> Result<(), Fault> {
         let place = self.place();
         let mut left = self.length(count, item)?;
         let mut first = true;
-        if self.encoding == Encoding::Ascii {
+        if self.encoding == BodyEncoding::Ascii {
             for _ in 0..left {
                 let value = self.number(item)?;
                 each(visitor, first, value, self.place())?;
@@ -166,7 +168,7 @@ impl<'i, 'a> Body<'i, 'a> {
             }
             return Ok(());
         }
-        let big_endian = self.encoding == Encoding::BigEndian;
+        let big_endian = self.encoding == BodyEncoding::BigEndian;
         while left > 0 {
             let items = left.min((CHUNK / item.size()) as u64);
             let chunk = &mut self.chunk[..items as usize * item.size()];
@@ -182,9 +184,9 @@ impl<'i, 'a> Body<'i, 'a> {
     }
 
     /// Skips all records of `element`.
-    pub(super) fn skip(&mut self, element: &Element, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    pub(super) fn skip(&mut self, element: &PlyElement, visitor: &mut dyn Visitor) -> Result<(), Fault> {
         match element.record_size() {
-            Some(size) if self.encoding != Encoding::Ascii => {
+            Some(size) if self.encoding != BodyEncoding::Ascii => {
                 // `check_counts` has checked that all records fit into the file.
                 self.skip_bytes(element.count.saturating_mul(size as u64), &element.name)?;
                 self.input.report(visitor)
@@ -196,14 +198,14 @@ impl<'i, 'a> Body<'i, 'a> {
     /// Calls `value` with the index and kind of each property of the next record. Returns the place of the record.
     fn record(
         &mut self,
-        element: &Element,
+        element: &PlyElement,
         mut value: impl FnMut(&mut Self, usize, Kind) -> Result<(), Fault>,
-    ) -> Result<Place, Fault> {
+    ) -> Result<BodyOffset, Fault> {
         let mut place = self.place();
         for (n, property) in element.properties.iter().enumerate() {
             value(self, n, property.kind)?;
         }
-        if self.encoding == Encoding::Ascii {
+        if self.encoding == BodyEncoding::Ascii {
             place = self.place();
             self.end_line()?;
         }
@@ -215,7 +217,7 @@ impl<'i, 'a> Body<'i, 'a> {
             Kind::Scalar(scalar) => (1, scalar),
             Kind::List { count, item } => (self.length(count, item)?, item),
         };
-        if self.encoding == Encoding::Ascii {
+        if self.encoding == BodyEncoding::Ascii {
             return (0..items).try_for_each(|_| self.token());
         }
         self.skip_bytes(items.saturating_mul(item.size() as u64), "values")
@@ -227,33 +229,33 @@ impl<'i, 'a> Body<'i, 'a> {
     }
 
     /// The length of a list, checked against the rest of the file.
-    fn length(&mut self, count: Scalar, item: Scalar) -> Result<u64, Fault> {
+    fn length(&mut self, count: PlyScalar, item: PlyScalar) -> Result<u64, Fault> {
         let mut place = self.place();
         let length = self.number(count)?;
-        if self.encoding == Encoding::Ascii {
+        if self.encoding == BodyEncoding::Ascii {
             // Blank lines may have preceded it.
             place = self.place();
         }
         // An item of text takes at least a blank and a digit.
-        let room = self.input.left() / if self.encoding == Encoding::Ascii { 2 } else { item.size() as u64 };
+        let room = self.input.left() / if self.encoding == BodyEncoding::Ascii { 2 } else { item.size() as u64 };
         if length < 0.0 || length > room as f64 {
             return Err(Fault::malformed(place.to_string(), format!("a list length from 0 to {room}"), length));
         }
         Ok(length as u64)
     }
 
-    fn place(&self) -> Place {
+    fn place(&self) -> BodyOffset {
         match self.encoding {
-            Encoding::Ascii => Place::Line(self.line),
-            _ => Place::Byte(self.input.offset()),
+            BodyEncoding::Ascii => BodyOffset::Line(self.line),
+            _ => BodyOffset::Byte(self.input.offset()),
         }
     }
 
-    fn number(&mut self, scalar: Scalar) -> Result<f64, Fault> {
-        if self.encoding != Encoding::Ascii {
+    fn number(&mut self, scalar: PlyScalar) -> Result<f64, Fault> {
+        if self.encoding != BodyEncoding::Ascii {
             let mut bytes = [0; 8];
             self.input.fill(&mut bytes[..scalar.size()], "a number")?;
-            return Ok(scalar.decode(&bytes, self.encoding == Encoding::BigEndian));
+            return Ok(scalar.decode(&bytes, self.encoding == BodyEncoding::BigEndian));
         }
         self.token()?;
         scalar.parse(&self.token).ok_or_else(|| {
@@ -279,7 +281,7 @@ impl<'i, 'a> Body<'i, 'a> {
             let taken = length.unwrap_or(word.len());
             if self.token.len() + taken > MAX_TOKEN {
                 let problem = format!("the number is longer than {MAX_TOKEN} characters");
-                return Err(Fault::invalid(self.place().to_string(), problem));
+                return Err(Fault::broken(self.place().to_string(), problem));
             }
             self.token.extend_from_slice(&word[..taken]);
             self.input.consume(blank + taken);

@@ -2,36 +2,36 @@
 
 use super::super::polygon::{MAX_CORNERS, Triangulator};
 use super::super::{Fault, Visitor};
-use super::body::Body;
-use super::header::{Element, Kind};
+use super::body::BodyReader;
+use super::header::{Kind, PlyElement};
 use super::vertices::Vertices;
 
 /// An element whose records are lists of corners.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Surface {
+pub(super) struct FaceElement {
     /// Index of the list property.
     list: usize,
-    shape: Shape,
+    shape: FaceKind,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Shape {
+enum FaceKind {
     /// Polygons.
     Polygon,
     /// Each corner forms a triangle with the previous two, alternately reversed. −1 begins a new strip.
     Strip,
 }
 
-impl Surface {
+impl FaceElement {
     /// The surface of `element`; `None` if it is another element or empty.
     ///
     /// # Errors
     ///
     /// If it is a surface without a list of corners.
-    pub(super) fn of(element: &Element) -> Result<Option<Self>, Fault> {
+    pub(super) fn of(element: &PlyElement) -> Result<Option<Self>, Fault> {
         let (shape, names): (_, &[&str]) = match element.name.as_str() {
-            "face" => (Shape::Polygon, &["vertex_indices", "vertex_index"]),
-            "tristrips" => (Shape::Strip, &["vertex_indices"]),
+            "face" => (FaceKind::Polygon, &["vertex_indices", "vertex_index"]),
+            "tristrips" => (FaceKind::Strip, &["vertex_indices"]),
             _ => return Ok(None),
         };
         if element.count == 0 {
@@ -42,15 +42,15 @@ impl Surface {
             .find_map(|name| element.property(name))
             .filter(|&list| matches!(element.properties[list].kind, Kind::List { item, .. } if item.is_integer()));
         let problem = || format!("the element {} needs a list of integers {}", element.name, names.join(" or "));
-        let list = list.ok_or_else(|| Fault::invalid("the header", problem()))?;
+        let list = list.ok_or_else(|| Fault::broken("the header", problem()))?;
         Ok(Some(Self { list, shape }))
     }
 
     /// Reads `element`, whose corners are `vertices`.
     pub(super) fn read(
         &self,
-        body: &mut Body<'_, '_>,
-        element: &Element,
+        body: &mut BodyReader<'_, '_>,
+        element: &PlyElement,
         vertices: &Vertices,
         visitor: &mut dyn Visitor,
     ) -> Result<(), Fault> {
@@ -63,8 +63,8 @@ impl Surface {
             triangulator.cut(corners.len(), |n| corner(n).position, each)
         };
         body.items(element, self.list, visitor, |visitor, first, index, place| {
-            let is_break = self.shape == Shape::Strip && index == -1.0;
-            if first && self.shape == Shape::Polygon {
+            let is_break = self.shape == FaceKind::Strip && index == -1.0;
+            if first && self.shape == FaceKind::Polygon {
                 polygon(&corners, visitor)?;
             }
             if first || is_break {
@@ -83,7 +83,7 @@ impl Surface {
             }
             Fault::unless_within("corners of a polygon", MAX_CORNERS as u64, corners.len() as u64)?;
             corners.push(index as usize);
-            if self.shape == Shape::Polygon {
+            if self.shape == FaceKind::Polygon {
                 return Ok(());
             }
             strip += 1;
@@ -92,6 +92,6 @@ impl Surface {
             let triangle = if strip % 2 == 1 { [a, b, c] } else { [b, a, c] };
             visitor.triangle(triangle.map(|corner| vertices.point(corner)))
         })?;
-        if self.shape == Shape::Polygon { polygon(&corners, visitor) } else { Ok(()) }
+        if self.shape == FaceKind::Polygon { polygon(&corners, visitor) } else { Ok(()) }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::super::error::excerpt;
 use super::super::{Fault, Input};
+use strivec_format::Place;
 
 /// Lines, elements, and properties of one element. The headers of Gaussian splats have about 70 properties.
 const MAX_LINES: u64 = 10_000;
@@ -14,7 +15,7 @@ const KEYWORDS: [&str; 4] = ["format", "element", "property", "end_header"];
 
 /// Encoding of the body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Encoding {
+pub(super) enum BodyEncoding {
     Ascii,
     LittleEndian,
     BigEndian,
@@ -22,7 +23,7 @@ pub(super) enum Encoding {
 
 /// Type of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Scalar {
+pub(super) enum PlyScalar {
     I8,
     U8,
     I16,
@@ -36,8 +37,8 @@ pub(super) enum Scalar {
 /// Type of a property.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    Scalar(Scalar),
-    List { count: Scalar, item: Scalar },
+    Scalar(PlyScalar),
+    List { count: PlyScalar, item: PlyScalar },
 }
 
 #[derive(Debug)]
@@ -47,22 +48,22 @@ pub(super) struct Property {
 }
 
 #[derive(Debug)]
-pub(super) struct Element {
+pub(super) struct PlyElement {
     pub(super) name: String,
     pub(super) count: u64,
     pub(super) properties: Vec<Property>,
 }
 
-pub(super) struct Header {
-    pub(super) encoding: Encoding,
-    pub(super) elements: Vec<Element>,
+pub(super) struct PlyHeader {
+    pub(super) encoding: BodyEncoding,
+    pub(super) elements: Vec<PlyElement>,
     /// Lines of the header.
     pub(super) lines: u64,
     /// Last byte of a line: LF, or CR if the lines end in CR alone.
     pub(super) line_end: u8,
 }
 
-impl Scalar {
+impl PlyScalar {
     /// The type of either of its names.
     fn of(name: &str) -> Option<Self> {
         Some(match name {
@@ -135,7 +136,7 @@ impl Scalar {
     }
 }
 
-impl Element {
+impl PlyElement {
     /// Index of the property `name`.
     pub(super) fn property(&self, name: &str) -> Option<usize> {
         self.properties.iter().position(|property| property.name == name)
@@ -150,23 +151,23 @@ impl Element {
     }
 
     /// Smallest number of bytes of a record: two for each number in text, else its size; lists may be empty.
-    fn least_record(&self, encoding: Encoding) -> u64 {
+    fn least_record(&self, encoding: BodyEncoding) -> u64 {
         let least = |property: &Property| match (encoding, property.kind) {
-            (Encoding::Ascii, _) => 2,
+            (BodyEncoding::Ascii, _) => 2,
             (_, Kind::Scalar(scalar) | Kind::List { count: scalar, .. }) => scalar.size() as u64,
         };
         self.properties.iter().map(least).sum()
     }
 }
 
-impl Header {
+impl PlyHeader {
     /// Reads the header.
     ///
     /// # Errors
     ///
     /// If it is invalid, exceeds a limit, or declares more than the rest of the file can hold.
     pub(super) fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
-        let (mut encoding, mut elements, mut lines) = (None, Vec::<Element>::new(), 0);
+        let (mut encoding, mut elements, mut lines) = (None, Vec::<PlyElement>::new(), 0);
         let mut bytes = Vec::new();
         let line_end =
             if matches!(input.peek(5)?[..], [b'p', b'l', b'y', b'\r', next] if next != b'\n') { b'\r' } else { b'\n' };
@@ -178,7 +179,7 @@ impl Header {
             Fault::unless_within("lines of a header", MAX_LINES, lines)?;
             let line = String::from_utf8_lossy(&bytes);
             let words: Vec<&str> = line.split_ascii_whitespace().take(6).collect();
-            let wrong = |expected: &str| Fault::malformed(format!("line {lines}"), expected, excerpt(&bytes));
+            let wrong = |expected: &str| Fault::malformed(Place::Line(lines as u64), expected, excerpt(&bytes));
             if lines == 1 {
                 if words != ["ply"] {
                     return Err(wrong("ply"));
@@ -189,9 +190,9 @@ impl Header {
                 [] | ["comment" | "obj_info", ..] => {}
                 ["format", name, version] => {
                     encoding = Some(match (name, version) {
-                        ("ascii", "1.0") => Encoding::Ascii,
-                        ("binary_little_endian", "1.0") => Encoding::LittleEndian,
-                        ("binary_big_endian", "1.0") => Encoding::BigEndian,
+                        ("ascii", "1.0") => BodyEncoding::Ascii,
+                        ("binary_little_endian", "1.0") => BodyEncoding::LittleEndian,
+                        ("binary_big_endian", "1.0") => BodyEncoding::BigEndian,
                         _ => return Err(wrong("format ascii, binary_little_endian or binary_big_endian, and 1.0")),
                     });
                 }
@@ -200,7 +201,7 @@ impl Header {
                     if elements.iter().any(|element| element.name == name) {
                         return Err(wrong("an element with another name"));
                     }
-                    elements.push(Element { name: name.into(), count, properties: Vec::new() });
+                    elements.push(PlyElement { name: name.into(), count, properties: Vec::new() });
                     Fault::unless_within("elements of a header", MAX_ELEMENTS, elements.len() as u64)?;
                 }
                 ["property", ref what @ .., name] => {
@@ -217,7 +218,7 @@ impl Header {
                 _ => return Err(wrong("a header line")),
             }
         }
-        let encoding = encoding.ok_or_else(|| Fault::invalid("the header", "the line format is missing"))?;
+        let encoding = encoding.ok_or_else(|| Fault::broken("the header", "the line format is missing"))?;
         check_counts(&elements, encoding, input)?;
         Ok(Self { encoding, elements, lines, line_end })
     }
@@ -226,32 +227,32 @@ impl Header {
 /// The type of a property, from the words between `property` and its name.
 fn kind(words: &[&str]) -> Option<Kind> {
     match *words {
-        [scalar] => Scalar::of(scalar).map(Kind::Scalar),
+        [scalar] => PlyScalar::of(scalar).map(Kind::Scalar),
         ["list", count, item] => {
-            let count = Scalar::of(count).filter(|count| count.is_integer())?;
-            Some(Kind::List { count, item: Scalar::of(item)? })
+            let count = PlyScalar::of(count).filter(|count| count.is_integer())?;
+            Some(Kind::List { count, item: PlyScalar::of(item)? })
         }
         _ => None,
     }
 }
 
 /// Checks that the rest of the file can hold all declared records.
-fn check_counts(elements: &[Element], encoding: Encoding, input: &Input<'_>) -> Result<(), Fault> {
+fn check_counts(elements: &[PlyElement], encoding: BodyEncoding, input: &Input<'_>) -> Result<(), Fault> {
     // The last line of an ASCII file may lack its end.
-    let left = input.left() + u64::from(encoding == Encoding::Ascii);
+    let left = input.left() + u64::from(encoding == BodyEncoding::Ascii);
     let mut least = 0_u64;
-    for Element { name, count, properties } in elements {
+    for PlyElement { name, count, properties } in elements {
         if properties.is_empty() && *count > 0 {
-            return Err(Fault::invalid("the header", format!("the element {name} has no properties")));
+            return Err(Fault::broken("the header", format!("the element {name} has no properties")));
         }
     }
     for element in elements {
         least = least.saturating_add(element.count.saturating_mul(element.least_record(encoding)));
         if least > left {
-            let (Element { count, name, .. }, left) = (element, input.left());
+            let (PlyElement { count, name, .. }, left) = (element, input.left());
             let problem =
                 format!("{count} x {name} is declared, which needs at least {least} bytes, but {left} are left");
-            return Err(Fault::invalid(input.place(), problem));
+            return Err(Fault::broken(input.place(), problem));
         }
     }
     Ok(())

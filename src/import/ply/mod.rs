@@ -22,10 +22,10 @@ mod tests;
 mod vertices;
 
 use super::{Fault, Input, ReadOptions, Visitor};
-use body::Body;
-use faces::Surface;
-use header::{Element, Header};
-use vertices::{Columns, Vertices};
+use body::BodyReader;
+use faces::FaceElement;
+use header::{PlyElement, PlyHeader};
+use vertices::{VertexProperties, Vertices};
 
 /// Reads `input`.
 ///
@@ -33,17 +33,17 @@ use vertices::{Columns, Vertices};
 ///
 /// If the file breaks the format, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
-    let header = Header::read(input)?;
+    let header = PlyHeader::read(input)?;
     let elements = &header.elements;
     let vertex = elements.iter().position(|element| element.name == "vertex");
-    let vertex = vertex.ok_or_else(|| Fault::invalid("the header", "the element vertex is missing"))?;
-    let mut body = Body::new(input, &header);
-    if let Some(splats) = splats::Columns::of(&elements[vertex]) {
+    let vertex = vertex.ok_or_else(|| Fault::broken("the header", "the element vertex is missing"))?;
+    let mut body = BodyReader::new(input, &header);
+    if let Some(splats) = splats::SplatProperties::of(&elements[vertex]) {
         return skip_to(vertex, &mut body, elements, visitor)
             .and_then(|()| splats.read(&mut body, &elements[vertex], options, visitor));
     }
     let chunk = elements[..vertex].iter().position(|element| element.name == "chunk");
-    if let Some(packed) = splats::Packed::of(&elements[vertex], chunk.map(|chunk| &elements[chunk])) {
+    if let Some(packed) = splats::PackedSplats::of(&elements[vertex], chunk.map(|chunk| &elements[chunk])) {
         let mut ranges = Vec::new();
         for (n, element) in elements[..vertex].iter().enumerate() {
             if Some(n) == chunk {
@@ -54,10 +54,10 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
         }
         return packed.read(&mut body, &elements[vertex], &ranges, options, visitor);
     }
-    let columns = Columns::of(&elements[vertex])?;
+    let columns = VertexProperties::of(&elements[vertex])?;
     let mut surfaces = Vec::with_capacity(elements.len());
     for element in elements {
-        surfaces.push(if options.vertices { None } else { Surface::of(element)? });
+        surfaces.push(if options.vertices { None } else { FaceElement::of(element)? });
     }
 
     let Some(last) = surfaces.iter().rposition(Option::is_some) else {
@@ -88,6 +88,11 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
 }
 
 /// Skips the elements before the element `n`.
-fn skip_to(n: usize, body: &mut Body<'_, '_>, elements: &[Element], visitor: &mut dyn Visitor) -> Result<(), Fault> {
+fn skip_to(
+    n: usize,
+    body: &mut BodyReader<'_, '_>,
+    elements: &[PlyElement],
+    visitor: &mut dyn Visitor,
+) -> Result<(), Fault> {
     elements[..n].iter().try_for_each(|element| body.skip(element, visitor))
 }

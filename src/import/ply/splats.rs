@@ -4,14 +4,14 @@ use glam::DVec3;
 
 use super::super::splats::{Splat, color_of, sigmoid};
 use super::super::{Fault, ReadOptions, Visitor};
-use super::body::Body;
-use super::header::{Element, Kind};
+use super::body::BodyReader;
+use super::header::{Kind, PlyElement};
 
 /// Splats that share the ranges of a chunk.
 const CHUNK: usize = 256;
 
 /// Indices of the scalar properties `names`, if all exist.
-fn all_of(element: &Element, names: &[&str]) -> Option<Vec<usize>> {
+fn all_of(element: &PlyElement, names: &[&str]) -> Option<Vec<usize>> {
     let of = |name: &&str| {
         let property = element.property(name)?;
         matches!(element.properties[property].kind, Kind::Scalar(_)).then_some(property)
@@ -21,15 +21,15 @@ fn all_of(element: &Element, names: &[&str]) -> Option<Vec<usize>> {
 
 /// The used properties of splats as their training writes them: logarithms of standard deviations, opacity before the
 /// sigmoid, coefficients of degree 0.
-pub(super) struct Columns {
+pub(super) struct SplatProperties {
     wanted: Vec<usize>,
     has_third_scale: bool,
     has_color: bool,
 }
 
-impl Columns {
+impl SplatProperties {
     /// The columns of `element`; `None` if its vertices are no splats.
-    pub(super) fn of(element: &Element) -> Option<Self> {
+    pub(super) fn of(element: &PlyElement) -> Option<Self> {
         let names = ["x", "y", "z", "opacity", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1"];
         let mut wanted = all_of(element, &names)?;
         let third = all_of(element, &["scale_2"]);
@@ -41,8 +41,8 @@ impl Columns {
 
     pub(super) fn read(
         &self,
-        body: &mut Body<'_, '_>,
-        element: &Element,
+        body: &mut BodyReader<'_, '_>,
+        element: &PlyElement,
         options: &ReadOptions,
         visitor: &mut dyn Visitor,
     ) -> Result<(), Fault> {
@@ -62,14 +62,14 @@ impl Columns {
 }
 
 /// Splats packed into four integers each (PlayCanvas's `.compressed.ply`), relative to the ranges of a chunk.
-pub(super) struct Packed {
+pub(super) struct PackedSplats {
     wanted: Vec<usize>,
     ranges: Vec<usize>,
 }
 
-impl Packed {
+impl PackedSplats {
     /// The columns of `vertex` and `chunk`; `None` if the vertices are not packed.
-    pub(super) fn of(vertex: &Element, chunk: Option<&Element>) -> Option<Self> {
+    pub(super) fn of(vertex: &PlyElement, chunk: Option<&PlyElement>) -> Option<Self> {
         let wanted = all_of(vertex, &["packed_position", "packed_rotation", "packed_scale", "packed_color"])?;
         let names = ["min_x", "min_y", "min_z", "max_x", "max_y", "max_z", "min_scale_x", "min_scale_y", "min_scale_z"];
         let chunk = chunk?;
@@ -84,8 +84,8 @@ impl Packed {
     /// The ranges of all chunks, one after the other.
     pub(super) fn read_ranges(
         &self,
-        body: &mut Body<'_, '_>,
-        chunk: &Element,
+        body: &mut BodyReader<'_, '_>,
+        chunk: &PlyElement,
         visitor: &mut dyn Visitor,
     ) -> Result<Vec<Vec<f64>>, Fault> {
         let mut all = Vec::new();
@@ -98,8 +98,8 @@ impl Packed {
 
     pub(super) fn read(
         &self,
-        body: &mut Body<'_, '_>,
-        element: &Element,
+        body: &mut BodyReader<'_, '_>,
+        element: &PlyElement,
         ranges: &[Vec<f64>],
         options: &ReadOptions,
         visitor: &mut dyn Visitor,
@@ -108,7 +108,7 @@ impl Packed {
         body.records(element, &self.wanted, visitor, |visitor, values, place| {
             let [position, rotation, scale, color] = [0, 1, 2, 3].map(|k| values[k] as u32);
             let range = ranges.get(n / CHUNK);
-            let range = range.ok_or_else(|| Fault::invalid(place.to_string(), "the splat has no chunk"))?;
+            let range = range.ok_or_else(|| Fault::broken(place.to_string(), "the splat has no chunk"))?;
             n += 1;
             let mixed = |at: usize, share: f64| range[at] + share * (range[at + 3] - range[at]);
             let [x, y, z] = eleven_ten_eleven(position);

@@ -3,8 +3,8 @@
 use glam::{DVec3, Vec3};
 
 use super::super::{Fault, Point, Visitor};
-use super::body::{Body, Place};
-use super::header::{Element, Kind, Scalar};
+use super::body::{BodyOffset, BodyReader};
+use super::header::{Kind, PlyElement, PlyScalar};
 use strivec_format::color::byte;
 
 /// Names of the three color channels.
@@ -12,22 +12,22 @@ const CHANNELS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 
 /// The used properties of a vertex.
-pub(super) struct Columns {
+pub(super) struct VertexProperties {
     /// Indices of x, y, z, then of the colors and of the confidence, if there are any.
     wanted: Vec<usize>,
-    color: Option<Scalar>,
+    color: Option<PlyScalar>,
     has_confidence: bool,
     /// True if f32 represents the coordinates exactly.
     narrow: bool,
 }
 
-impl Columns {
+impl VertexProperties {
     /// The used properties of `element`.
     ///
     /// # Errors
     ///
     /// If it has no coordinates.
-    pub(super) fn of(element: &Element) -> Result<Self, Fault> {
+    pub(super) fn of(element: &PlyElement) -> Result<Self, Fault> {
         let number = |name: &str| {
             let property = element.property(name)?;
             match element.properties[property].kind {
@@ -37,9 +37,9 @@ impl Columns {
         };
         let numbers = |names: &[&str; 3]| Some([number(names[0])?, number(names[1])?, number(names[2])?]);
         let position = numbers(&["x", "y", "z"])
-            .ok_or_else(|| Fault::invalid("the header", "the element vertex needs the numbers x, y and z"))?;
+            .ok_or_else(|| Fault::broken("the header", "the element vertex needs the numbers x, y and z"))?;
         let color = CHANNELS.iter().filter_map(numbers).find(|channels| {
-            let known = matches!(channels[0].1, Scalar::U8 | Scalar::F32 | Scalar::F64);
+            let known = matches!(channels[0].1, PlyScalar::U8 | PlyScalar::F32 | PlyScalar::F64);
             known && channels.iter().all(|channel| channel.1 == channels[0].1)
         });
         let confidence = number("confidence").or_else(|| number("quality"));
@@ -52,7 +52,7 @@ impl Columns {
         })
     }
 
-    fn point(&self, values: &[f64], place: Place) -> Result<Point, Fault> {
+    fn point(&self, values: &[f64], place: BodyOffset) -> Result<Point, Fault> {
         let color = self.color.map(|scalar| [3, 4, 5].map(|n| channel(scalar, values[n])));
         Point::new(DVec3::new(values[0], values[1], values[2]), color, || place.to_string())
     }
@@ -61,8 +61,8 @@ impl Columns {
     /// because a `quality` may be negative.
     pub(super) fn read_points(
         &self,
-        body: &mut Body<'_, '_>,
-        element: &Element,
+        body: &mut BodyReader<'_, '_>,
+        element: &PlyElement,
         min_confidence: f64,
         visitor: &mut dyn Visitor,
     ) -> Result<(), Fault> {
@@ -80,18 +80,18 @@ impl Columns {
 }
 
 /// A color channel as a byte.
-fn channel(scalar: Scalar, value: f64) -> u8 {
+fn channel(scalar: PlyScalar, value: f64) -> u8 {
     if scalar.is_integer() { value as u8 } else { byte(value) }
 }
 
-enum Positions {
+enum PositionProperties {
     Narrow(Vec<Vec3>),
     Wide(Vec<DVec3>),
 }
 
 /// All vertices of a mesh.
 pub(super) struct Vertices {
-    positions: Positions,
+    positions: PositionProperties,
     /// One for each position, or none.
     colors: Vec<[u8; 3]>,
 }
@@ -99,23 +99,23 @@ pub(super) struct Vertices {
 impl Vertices {
     /// Reads `element`, whose count `check_counts` has checked against the file.
     pub(super) fn read(
-        columns: &Columns,
-        body: &mut Body<'_, '_>,
-        element: &Element,
+        columns: &VertexProperties,
+        body: &mut BodyReader<'_, '_>,
+        element: &PlyElement,
         visitor: &mut dyn Visitor,
     ) -> Result<Self, Fault> {
         let count = element.count as usize;
         let mut positions = if columns.narrow {
-            Positions::Narrow(Vec::with_capacity(count))
+            PositionProperties::Narrow(Vec::with_capacity(count))
         } else {
-            Positions::Wide(Vec::with_capacity(count))
+            PositionProperties::Wide(Vec::with_capacity(count))
         };
         let mut colors = Vec::with_capacity(if columns.color.is_some() { count } else { 0 });
         body.records(element, &columns.wanted, visitor, |_, values, place| {
             let point = columns.point(values, place)?;
             match &mut positions {
-                Positions::Narrow(positions) => positions.push(point.position.as_vec3()),
-                Positions::Wide(positions) => positions.push(point.position),
+                PositionProperties::Narrow(positions) => positions.push(point.position.as_vec3()),
+                PositionProperties::Wide(positions) => positions.push(point.position),
             }
             colors.extend(point.color);
             Ok(())
@@ -126,16 +126,16 @@ impl Vertices {
     /// Number of vertices.
     pub(super) fn len(&self) -> usize {
         match &self.positions {
-            Positions::Narrow(positions) => positions.len(),
-            Positions::Wide(positions) => positions.len(),
+            PositionProperties::Narrow(positions) => positions.len(),
+            PositionProperties::Wide(positions) => positions.len(),
         }
     }
 
     /// Vertex `n`, which must be below [`Vertices::len`].
     pub(super) fn point(&self, n: usize) -> Point {
         let position = match &self.positions {
-            Positions::Narrow(positions) => positions[n].as_dvec3(),
-            Positions::Wide(positions) => positions[n],
+            PositionProperties::Narrow(positions) => positions[n].as_dvec3(),
+            PositionProperties::Wide(positions) => positions[n],
         };
         Point { position, color: self.colors.get(n).copied() }
     }

@@ -51,18 +51,18 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
 }
 
 /// Versions 1 to 3.
-fn read_gzip(input: &mut Input<'_>) -> Result<(Header, [Vec<u8>; 5]), Fault> {
+fn read_gzip(input: &mut Input<'_>) -> Result<(SpzHeader, [Vec<u8>; 5]), Fault> {
     let len = input.len();
     if input.peek(2)? != [0x1f, 0x8b] {
-        return Err(Fault::invalid("byte 0", "it begins with neither NGSP nor the mark of gzip, as SPZ files do"));
+        return Err(Fault::broken("byte 0", "it begins with neither NGSP nor the mark of gzip, as SPZ files do"));
     }
     let mut inflated = GzDecoder::new(input);
-    let header = Header::of(&part(&mut inflated, 16, "the header")?, 1..=3)?;
+    let header = SpzHeader::of(&part(&mut inflated, 16, "the header")?, 1..=3)?;
     let widths = header.widths();
     let bytes = widths.iter().sum::<usize>() * header.count;
     if bytes as u64 / MAX_RATIO > len {
         let problem = format!("{} splats do not fit into a file of {len} bytes", header.count);
-        return Err(Fault::invalid("the header", problem));
+        return Err(Fault::broken("the header", problem));
     }
     let mut arrays = [const { Vec::new() }; 5];
     for (n, array) in arrays.iter_mut().enumerate() {
@@ -72,9 +72,9 @@ fn read_gzip(input: &mut Input<'_>) -> Result<(Header, [Vec<u8>; 5]), Fault> {
 }
 
 /// Version 4.
-fn read_frames(input: &mut Input<'_>) -> Result<(Header, [Vec<u8>; 5]), Fault> {
+fn read_frames(input: &mut Input<'_>) -> Result<(SpzHeader, [Vec<u8>; 5]), Fault> {
     let bytes: [u8; HEADER_4] = input.array("an SPZ header")?;
-    let header = Header::of(&bytes, 4..=4)?;
+    let header = SpzHeader::of(&bytes, 4..=4)?;
     let (count, lengths_at) = (u64::from(bytes[15]), u32::from_le_bytes(bytes_at(&bytes, 16)));
     if count < ARRAYS.len() as u64 || u64::from(lengths_at) < HEADER_4 as u64 {
         let found = format!("{count} at byte {lengths_at}");
@@ -106,14 +106,14 @@ fn read_frames(input: &mut Input<'_>) -> Result<(Header, [Vec<u8>; 5]), Fault> {
     Ok((header, arrays))
 }
 
-struct Header {
+struct SpzHeader {
     version: u32,
     count: usize,
     /// Bits of a coordinate after the point.
     fraction: u32,
 }
 
-impl Header {
+impl SpzHeader {
     /// The header in `bytes`, of at least 16 bytes.
     fn of(bytes: &[u8], versions: std::ops::RangeInclusive<u32>) -> Result<Self, Fault> {
         if !bytes.starts_with(MAGIC) {
@@ -272,16 +272,16 @@ mod tests {
         };
         let message = "byte 0: it begins with neither NGSP nor the mark of gzip, as SPZ files do";
         assert_eq!(fault(b"PK"), message);
-        assert_eq!(fault(b"NGSP"), "byte 0: expected 32 bytes of an SPZ header, found 4 bytes");
+        assert_eq!(fault(b"NGSP"), "byte 0 must be 32 bytes of an SPZ header; found 4 bytes");
         let message = "SPZ of version 5 is not supported: write it as version 3 or 4, or as PLY";
-        assert_eq!(fault(&changed(0, 0)), "the header: expected NGSP, found [00, 00, 00, 00]");
+        assert_eq!(fault(&changed(0, 0)), "the header must be NGSP; found [00, 00, 00, 00]");
         assert_eq!(fault(&changed(4, 5)), message);
         assert_eq!(fault(&changed(8, u32::MAX)), "splats: at most 10000000 are read, found 4294967295");
-        assert_eq!(fault(&changed(8, 3)), "the colors: expected 9 bytes, found 8 bytes");
+        assert_eq!(fault(&changed(8, 3)), "the colors must be 9 bytes; found 8 bytes");
         let many = changed(8, 9_999_999);
         let message = format!("the header: 9999999 splats do not fit into a file of {} bytes", many.len());
         assert_eq!(fault(&many), message);
-        assert_eq!(fault(&changed(12, 0xff00)), "the header: expected at most 23 bits after the point, found 255");
+        assert_eq!(fault(&changed(12, 0xff00)), "the header must be at most 23 bits after the point; found 255");
         let mut short = gzip(&file(2));
         short.truncate(30);
         assert!(fault(&short).starts_with("the "), "{}", fault(&short));
@@ -301,9 +301,9 @@ mod tests {
         };
         assert_eq!(fault(4, 5), "SPZ of version 5 is not supported: write it as version 3 or 4, or as PLY");
         assert_eq!(fault(10, 255), "splats: at most 10000000 are read, found 16711682");
-        assert_eq!(fault(8, 3), "the centers: expected 27 bytes, found 18 bytes");
-        assert_eq!(fault(15, 4), "the header: expected at least 5 arrays after byte 31, found 4 at byte 44");
-        assert_eq!(fault(16, 31), "the header: expected at least 5 arrays after byte 31, found 5 at byte 31");
+        assert_eq!(fault(8, 3), "the centers must be 27 bytes; found 18 bytes");
+        assert_eq!(fault(15, 4), "the header must be at least 5 arrays after byte 31; found 4 at byte 44");
+        assert_eq!(fault(16, 31), "the header must be at least 5 arrays after byte 31; found 5 at byte 31");
         assert_eq!(
             fault(15, 255).split(", found").next().unwrap(),
             "byte 44: expected 4080 bytes of the lengths of the arrays"

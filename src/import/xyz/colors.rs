@@ -7,7 +7,7 @@ const JUDGED: usize = 1000;
 
 /// Range of the numbers of a color.
 #[derive(Clone, Copy)]
-enum Scale {
+enum ColorRange {
     /// 0 to 255.
     Bytes,
     /// 0 to 1.
@@ -20,7 +20,7 @@ enum Scale {
 
 /// Assigns colors to points.
 pub(super) struct Colors {
-    scale: Option<Scale>,
+    scale: Option<ColorRange>,
     /// True if the columns are named as colors.
     named: bool,
     held: Vec<(Point, [f64; 3])>,
@@ -29,12 +29,12 @@ pub(super) struct Colors {
 impl Colors {
     /// `exist`: the columns exist. `named`: they are named as colors.
     pub(super) fn new(exist: bool, named: bool) -> Self {
-        Self { scale: (!exist).then_some(Scale::None), named, held: Vec::new() }
+        Self { scale: (!exist).then_some(ColorRange::None), named, held: Vec::new() }
     }
 
     /// True if [`Colors::point`] needs the numbers.
     pub(super) fn wanted(&self) -> bool {
-        !matches!(self.scale, Some(Scale::None))
+        !matches!(self.scale, Some(ColorRange::None))
     }
 
     /// Passes `point` to `visitor`, now or after the range is known. `numbers` must be given if they are wanted.
@@ -64,28 +64,28 @@ impl Colors {
         std::mem::take(&mut self.held).into_iter().try_for_each(|(point, n)| visitor.point(scale.colored(point, n)))
     }
 
-    fn judge(&self) -> Result<Scale, Fault> {
+    fn judge(&self) -> Result<ColorRange, Fault> {
         let all = |fits: fn(f64) -> bool| self.held.iter().flat_map(|(_, numbers)| *numbers).all(fits);
         if all(|n| n.fract() == 0.0 && (0.0..=255.0).contains(&n)) {
-            return Ok(Scale::Bytes);
+            return Ok(ColorRange::Bytes);
         }
         if !self.named {
-            return Ok(Scale::None);
+            return Ok(ColorRange::None);
         }
         if all(|n| (0.0..=1.0).contains(&n)) {
-            return Ok(Scale::Shares);
+            return Ok(ColorRange::Shares);
         }
         if all(|n| n.fract() == 0.0 && (0.0..=65535.0).contains(&n)) {
-            return Ok(Scale::Words);
+            return Ok(ColorRange::Words);
         }
-        Err(Fault::invalid(
+        Err(Fault::broken(
             "the columns red, green and blue",
             "the first thousand lines are neither integers up to 255 or 65535, nor numbers up to 1",
         ))
     }
 }
 
-impl Scale {
+impl ColorRange {
     /// `point` with its color; later numbers may be out of range and are clamped.
     fn colored(self, point: Point, numbers: [f64; 3]) -> Point {
         let color = match self {

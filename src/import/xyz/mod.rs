@@ -56,18 +56,18 @@ fn read_after(
     visitor: &mut dyn Visitor,
 ) -> Result<(), Fault> {
     let mut text = Vec::new();
-    let mut line = Line { number: 0, bytes: &[] };
-    let mut table: Option<Table> = None;
+    let mut line = TextLine { number: 0, bytes: &[] };
+    let mut table: Option<NumberTable> = None;
     let mut points = 0_u64;
     while input.line(&mut text, MAX_LINE)? {
         input.report(visitor)?;
-        line = Line { number: line.number + 1, bytes: &[] };
-        let line = Line::of(&text, line.number)?;
+        line = TextLine { number: line.number + 1, bytes: &[] };
+        let line = TextLine::of(&text, line.number)?;
         let table = match &mut table {
             Some(_) if line.is_blank() || line.comment().is_some() => continue,
             Some(table) => table,
             None if before.takes(&line)? => continue,
-            None => table.insert(Table::of_first(&line, &before)),
+            None => table.insert(NumberTable::of_first(&line, &before)),
         };
         table.split(&line)?;
         points += 1;
@@ -81,18 +81,18 @@ fn read_after(
             let expected = format!("{count} points, as declared in the first line");
             Err(Fault::malformed(format!("line {}", line.number), expected, points))
         }
-        _ if points == 0 => Err(Fault::invalid("the file", "it has no lines of numbers")),
+        _ if points == 0 => Err(Fault::broken("the file", "it has no lines of numbers")),
         _ => Ok(()),
     }
 }
 
 /// A line without its end, its byte order mark and the blanks around it.
-struct Line<'a> {
+struct TextLine<'a> {
     number: u64,
     bytes: &'a [u8],
 }
 
-impl<'a> Line<'a> {
+impl<'a> TextLine<'a> {
     fn of(text: &'a [u8], number: u64) -> Result<Self, Fault> {
         let mut bytes = text;
         if number == 1 {
@@ -157,7 +157,7 @@ impl Before {
     }
 
     /// Takes `line` and returns true, unless it is a line of numbers.
-    fn takes(&mut self, line: &Line<'_>) -> Result<bool, Fault> {
+    fn takes(&mut self, line: &TextLine<'_>) -> Result<bool, Fault> {
         if line.is_blank() {
             return Ok(true);
         }
@@ -189,7 +189,7 @@ impl Before {
 }
 
 /// The lines of numbers: their common layout, and the fields of the current line.
-struct Table {
+struct NumberTable {
     separator: Separator,
     columns: Columns,
     /// Number of columns.
@@ -200,8 +200,8 @@ struct Table {
     colors: Colors,
 }
 
-impl Table {
-    fn of_first(line: &Line<'_>, before: &Before) -> Self {
+impl NumberTable {
+    fn of_first(line: &TextLine<'_>, before: &Before) -> Self {
         let separator = Separator::of(line.bytes);
         let mut fields = Vec::new();
         separator.split(line.bytes, &mut fields);
@@ -215,7 +215,7 @@ impl Table {
         Self { separator, columns, width, first: line.number, fields, colors }
     }
 
-    fn split(&mut self, line: &Line<'_>) -> Result<(), Fault> {
+    fn split(&mut self, line: &TextLine<'_>) -> Result<(), Fault> {
         self.separator.split(line.bytes, &mut self.fields);
         let needed = self.columns.needed();
         if self.width < needed {
@@ -228,7 +228,7 @@ impl Table {
         Ok(())
     }
 
-    fn point(&mut self, line: &Line<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    fn point(&mut self, line: &TextLine<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
         let of = |column: usize| line.number(self.fields[column].clone());
         let [x, y, z] = self.columns.position;
         let point = Point::new(DVec3::new(of(x)?, of(y)?, of(z)?), None, || line.place())?;

@@ -3,6 +3,7 @@
 use super::{BootstrapOptions, ConfigError, FinishConfig, LeanConfig, ScaleConfig, TrainConfig};
 use strivec_format::geometry::Aabb;
 use strivec_format::model::Sky;
+use strivec_format::{Invalid, Place};
 
 /// The most candidates for a ray of a step.
 const MAX_CANDIDATES: u32 = 16;
@@ -168,5 +169,5 @@ fn positive(place: &str, value: f64) -> Result<(), ConfigError> {
 }
 
 fn error(place: &str, expected: &str, found: impl ToString) -> ConfigError {
-    ConfigError::Value { place: place.into(), expected: expected.into(), found: found.to_string() }
+    Invalid::new(Place::Option(place.to_owned().into()), expected, found.to_string()).into()
 }

@@ -1,5 +1,7 @@
 //! Errors of a training run's settings.
 
+use strivec_format::Invalid;
+
 /// Settings that cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -16,13 +18,6 @@ pub enum ConfigError {
     #[error("{0}")]
     Toml(Box<toml::de::Error>),
     /// A value out of range.
-    #[error("`{place}` must be {expected}, not {found}")]
-    Value {
-        /// The path of the field.
-        place: String,
-        /// The range.
-        expected: String,
-        /// The value.
-        found: String,
-    },
+    #[error(transparent)]
+    Value(#[from] Invalid),
 }

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
+use strivec_format::Invalid;
 use strivec_format::container::{SceneFile, first_scales};
 use strivec_format::geometry::Aabb;
-use strivec_format::model::BrokenInvariant;
 
 /// The part of `file` inside `within`, in model units: the tensors that reach into the box, and the intersection of
 /// the bounds, unless the scene is contracted. Inside, pictures stay the same.
@@ -12,7 +12,7 @@ use strivec_format::model::BrokenInvariant;
 /// # Errors
 ///
 /// If nothing is left.
-pub fn crop(mut file: SceneFile, within: &Aabb) -> Result<SceneFile, BrokenInvariant> {
+pub fn crop(mut file: SceneFile, within: &Aabb) -> Result<SceneFile, Invalid> {
     let SceneFile { scene, encoding, .. } = &mut file;
     let region = scene.rules.contracted_box(within);
     scene.bounds = scene.rules.cropped_bounds(&scene.bounds, within);

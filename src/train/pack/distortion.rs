@@ -1,14 +1,14 @@
 //! Distortion: the mean squared error of pictures against reference pictures.
 
-use super::Views;
-use strivec_capture::dataset::View;
+use super::ModelCameras;
+use strivec_capture::dataset::Photograph;
 use strivec_field::render::{CpuRenderer, Renderer};
 use strivec_format::geometry::Camera;
 use strivec_format::model::Scene;
 
 /// Reference pictures that the pictures of scenes are compared with.
 #[derive(Clone, Debug)]
-pub struct Distortion {
+pub struct ReferencePictures {
     /// Cameras of the pictures, in model space.
     cameras: Vec<Camera>,
     /// \[camera\].
@@ -30,22 +30,22 @@ enum Reference {
     Photographs,
 }
 
-impl Distortion {
+impl ReferencePictures {
     /// Against no pictures: always 0.
     pub fn of_nothing() -> Self {
         Self { cameras: Vec::new(), pictures: Vec::new(), reference: Reference::OwnPictures }
     }
 
     /// Against `scene`'s own pictures from `views`.
-    pub fn from_own_pictures(scene: &Scene, views: Views) -> Self {
+    pub fn from_own_pictures(scene: &Scene, views: ModelCameras) -> Self {
         let own = |colors| ReferencePicture { colors, counting: None };
         let pictures = pictures(scene, &views.cameras).map(own).collect();
         Self { cameras: views.cameras, pictures, reference: Reference::OwnPictures }
     }
 
     /// Against photographs of what `scene` shows.
-    pub fn from_photographs(scene: &Scene, views: &[View]) -> Self {
-        let photograph = |view: &View| ReferencePicture {
+    pub fn from_photographs(scene: &Scene, views: &[Photograph]) -> Self {
+        let photograph = |view: &Photograph| ReferencePicture {
             colors: view.pixels.colors(scene.frame.background),
             counting: view.counting(),
         };

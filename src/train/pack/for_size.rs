@@ -5,7 +5,7 @@
 //! in the loss is steered so that the file reaches its goal.
 
 use super::lossy::options_of;
-use super::{Candidate, Distortion, Goal, search};
+use super::{Candidate, Goal, ReferencePictures, search};
 use crate::{FactorImportance, Rounding, Trainer};
 use strivec_format::container::{EncodeOptions, Error, FactorOptions, Metadata, encode_scene_file};
 use strivec_format::model::{Scale, Scene};
@@ -41,7 +41,7 @@ pub fn begin_for_size(
     tried: &mut dyn FnMut(&Candidate),
 ) -> Result<bool, Error> {
     let start = Goal::Bytes((START * goal as f64) as u64);
-    let Some(candidate) = search(scene, importance, &Distortion::of_nothing(), start, 0, tried)? else {
+    let Some(candidate) = search(scene, importance, &ReferencePictures::of_nothing(), start, 0, tried)? else {
         return Ok(false);
     };
     let Candidate { scene, options, bytes, loss, .. } = candidate;
@@ -106,8 +106,14 @@ pub fn rounded_to_size(
         return Ok(Some((scene, options)));
     }
     let scene = trainer.unrounded_scene();
-    let found =
-        search(&scene, &importance(&scene), &Distortion::of_nothing(), Goal::Bytes(most), 0, &mut |_: &Candidate| {})?;
+    let found = search(
+        &scene,
+        &importance(&scene),
+        &ReferencePictures::of_nothing(),
+        Goal::Bytes(most),
+        0,
+        &mut |_: &Candidate| {},
+    )?;
     Ok(found.map(|candidate| (candidate.scene, candidate.options)))
 }
 

@@ -49,7 +49,7 @@ pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64, of_first: 
             let tensor = block.tensor_len(resolution);
             let BlockImportance { entries: of_entries, components } = importance;
             let importance = of_entries.par_chunks_exact(tensor).zip(components.par_chunks_exact(rank));
-            let choices: Vec<Choice> = (block.values.par_chunks_exact_mut(tensor).zip(importance))
+            let choices: Vec<ComponentEncoding> = (block.values.par_chunks_exact_mut(tensor).zip(importance))
                 .flat_map_iter(|(values, (importance, absent))| {
                     let choose = |c: usize| choose(values, importance, absent[c], rank, c, &factors, loss);
                     (0..rank).map(choose).collect::<Vec<_>>()
@@ -85,7 +85,7 @@ pub(super) fn options_of(codes: Vec<[Vec<Vec<u8>>; 2]>) -> EncodeOptions {
 }
 
 /// The encoding of one component of a tensor.
-struct Choice {
+struct ComponentEncoding {
     is_dropped: bool,
     step: u8,
     error: f64,
@@ -101,7 +101,7 @@ fn choose(
     c: usize,
     factors: &[Range<usize>],
     loss: f64,
-) -> Choice {
+) -> ComponentEncoding {
     // √ of the mean importance of a factor's entries.
     let size = |rows: &Range<usize>| {
         let total: f64 = entries(rows, rank, c).map(|at| f64::from(importance[at])).sum();
@@ -110,7 +110,7 @@ fn choose(
     let sizes: Vec<f64> = factors.iter().map(size).collect();
     if absent <= 0.0 || sizes.contains(&0.0) {
         values.iter_mut().skip(c).step_by(rank).for_each(|v| *v = 0.0);
-        return Choice { is_dropped: true, step: 0, error: absent };
+        return ComponentEncoding { is_dropped: true, step: 0, error: absent };
     }
     let size = scale_factors(values, rank, c, factors, &sizes);
     let square = |rows: &Range<usize>| entries(rows, rank, c).map(|at| f64::from(values[at]).powi(2)).sum::<f64>();
@@ -131,5 +131,5 @@ fn choose(
     if is_dropped {
         values.iter_mut().skip(c).step_by(rank).for_each(|v| *v = 0.0);
     }
-    Choice { is_dropped, step: code, error: if is_dropped { absent } else { coded } }
+    ComponentEncoding { is_dropped, step: code, error: if is_dropped { absent } else { coded } }
 }

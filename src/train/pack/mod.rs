@@ -19,7 +19,7 @@ mod views;
 
 pub use balance::{balance, balance_block};
 pub use crop::{crop, keep_scales};
-pub use distortion::Distortion;
+pub use distortion::ReferencePictures;
 pub use for_size::{begin_for_size, rounded_to_size, size, steer_to_size};
 pub use layout::{FileLayout, arranged};
 pub use lossless::lossless;
@@ -28,4 +28,4 @@ pub use prefix::fit_prefix;
 pub use probes::true_probes;
 pub use prune::prune;
 pub use search::{Candidate, Goal, MAX_TRIED, search};
-pub use views::{Views, probe_views};
+pub use views::{ModelCameras, probe_views};

@@ -4,7 +4,7 @@
 //! Factors stay as they are, so that all prefixes share the file's beginning. The gain and the offset of the density
 //! feature and the appearance matrices are fitted, by Adam, to the pictures of the whole scene.
 
-use super::Views;
+use super::ModelCameras;
 use crate::{Adam, Backward, BatchRoulette, Moments, Target};
 use strivec_field::Field;
 use strivec_field::render::{CpuRenderer, Renderer};
@@ -23,7 +23,7 @@ const OFFSET_DIFFERENCE: f64 = 0.1;
 
 /// The correction for the first `scales` scales of `scene`, fitted in `steps` steps to the whole scene's colors along
 /// rays of `views`.
-pub fn fit_prefix(scene: &Scene, scales: usize, views: &Views, steps: usize, seed: u64) -> Prefix {
+pub fn fit_prefix(scene: &Scene, scales: usize, views: &ModelCameras, steps: usize, seed: u64) -> Prefix {
     let whole = CpuRenderer::<f32>::new(scene);
     let mut field = Field::<f32>::new(&first_scales(scene.clone(), &[], Some(scales as u32)));
     let mut backward = Backward::new(&field);

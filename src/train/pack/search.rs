@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::occupancy::without_gaps;
-use super::{Distortion, Lossy, lossy};
+use super::{Lossy, ReferencePictures, lossy};
 use crate::FactorImportance;
 use strivec_format::container::{
     EncodeOptions, Error, Limits, Metadata, decode_scene_file, encode_scene_file, sections,
@@ -74,7 +74,7 @@ impl Candidate {
     /// # Errors
     ///
     /// If the scene cannot be encoded.
-    pub fn new(scene: Scene, options: EncodeOptions, distortion: &Distortion) -> Result<Self, Error> {
+    pub fn new(scene: Scene, options: EncodeOptions, distortion: &ReferencePictures) -> Result<Self, Error> {
         let bytes = encode_scene_file(&scene, &Metadata::default(), &options)?;
         let decoded = decode_scene_file(&bytes, Limits { memory: u64::MAX })?.scene;
         let error = distortion.mse(&decoded);
@@ -141,7 +141,7 @@ impl Goal {
 pub fn search(
     scene: &Scene,
     importance: &FactorImportance,
-    distortion: &Distortion,
+    distortion: &ReferencePictures,
     goal: Goal,
     reserved: u64,
     on_candidate: &mut dyn FnMut(&Candidate),

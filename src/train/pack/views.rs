@@ -11,7 +11,7 @@ use strivec_format::random::Random;
 
 /// Cameras in the model's space, in place of a dataset's.
 #[derive(Clone, Debug)]
-pub struct Views {
+pub struct ModelCameras {
     /// The cameras.
     pub cameras: Vec<Camera>,
 }
@@ -26,17 +26,17 @@ pub fn probe_views(
     known: &[TrainingCamera],
     count: usize,
     size: u32,
-) -> Views {
+) -> ModelCameras {
     let cameras = if known.is_empty() {
         Turntable::of(scene, views, &[]).map_or_else(|| around(scene, count, size), |turn| turn.spread(count, size))
     } else {
         let pick = |n: usize| &known[n * known.len() / count.min(known.len())];
         (0..count.min(known.len())).map(|n| of_training(pick(n), size)).collect()
     };
-    Views { cameras }
+    ModelCameras { cameras }
 }
 
-impl Views {
+impl ModelCameras {
     /// `count` rays through random points of the pictures of random cameras. The same `random` gives the same rays.
     pub fn rays(&self, count: usize, random: &Random) -> Vec<Ray> {
         (0..count as u64)

@@ -6,6 +6,7 @@ use super::{
 };
 use crate::{ConfigError, PrepareError, ScaleConfig, TrainConfig};
 use strivec_capture::prior::VoxelBoxes;
+use strivec_format::{Invalid, Place};
 
 /// Number of steps of each kind of reduction.
 const STEPS: u32 = 64;
@@ -108,7 +109,7 @@ impl Budget {
         let part = |value: Option<u64>, unit: &str| value.map(|v| format!("{v} {unit}"));
         let found: Vec<_> =
             [part(self.parameters, "parameters"), part(self.file_bytes, "bytes")].into_iter().flatten().collect();
-        ConfigError::Value { place: "budget".into(), expected, found: listed(&found) }.into()
+        ConfigError::from(Invalid::new(Place::option("budget"), expected, listed(&found))).into()
     }
 }
 

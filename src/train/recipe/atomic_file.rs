@@ -7,6 +7,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use strivec_format::OptionName;
 use tempfile::NamedTempFile;
 
 /// A file that cannot be read, written or removed.
@@ -14,14 +15,15 @@ use tempfile::NamedTempFile;
 #[non_exhaustive]
 pub enum FileError {
     /// A file exists that would be overwritten (the caller).
-    #[error("{}: the file exists; `force` overwrites it", path.display())]
+    #[error("{}: the file exists; {} overwrites it", path.display(), OptionName("force"))]
     Exists {
         /// The file.
         path: PathBuf,
     },
     /// The checkpoint of an interrupted run exists (the caller).
     #[error(
-        "{}: the checkpoint of an interrupted run exists; `resume` continues it, `force` starts anew", path.display()
+        "{}: the checkpoint of an interrupted run exists; {} continues it, {} starts anew",
+        path.display(), OptionName("resume"), OptionName("force")
     )]
     CheckpointExists {
         /// The checkpoint.

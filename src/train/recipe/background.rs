@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use strivec_capture::dataset::View;
+use strivec_capture::dataset::Photograph;
 use strivec_field::render::{CpuRenderer, Renderer};
 use strivec_format::model::Scene;
 
@@ -13,9 +13,9 @@ const OPAQUE_WEIGHT: f64 = 1e-3;
 
 /// The mean sRGB color of `views` where nothing of `scene` is before the background; where something is everywhere, about
 /// their mean color.
-pub(super) fn background_of(scene: &Scene, views: &[View]) -> [f32; 3] {
+pub(super) fn background_of(scene: &Scene, views: &[Photograph]) -> [f32; 3] {
     let renderer = CpuRenderer::new(scene);
-    let of_view = |view: &View| {
+    let of_view = |view: &Photograph| {
         let pixels = f64::from(view.camera.width) * f64::from(view.camera.height);
         let shortest = view.camera.width.min(view.camera.height);
         let factor = ((pixels / PIXELS).sqrt().ceil() as u32).clamp(1, shortest.max(1));
@@ -61,7 +61,7 @@ mod tests {
             let position = DVec3::new(0.0, -60.0, 0.0);
             let camera = Camera::looking_at([8, 8], 400.0, position, position + toward, DVec3::Z);
             let camera = camera.mapped(&dataset_from_model);
-            View::new("a", camera, Pixels::opaque((0..64).map(|n| if n < 32 { color } else { [1.0; 3] })))
+            Photograph::new("a", camera, Pixels::opaque((0..64).map(|n| if n < 32 { color } else { [1.0; 3] })))
         };
         let is_near = |found: [f32; 3], expected: [f32; 3]| {
             assert!((0..3).all(|c| (found[c] - expected[c]).abs() < 1e-6), "{found:?}, {expected:?}");

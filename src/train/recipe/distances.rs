@@ -39,12 +39,12 @@ pub(super) fn find_points(
     let start = Instant::now();
     let with_depth = dataset::read_distances(dataset)?;
     if with_depth > 0 {
-        observer.message(&format!("distances: those of {}", plural(with_depth, "depth map")));
+        observer.message(&format_args!("distances: those of {}", plural(with_depth, "depth map")));
         return Ok(Vec::new());
     }
     let points = prior::match_points(&mut dataset.views, config.shell.is_some());
     let (count, seconds) = (plural(points.len(), "point"), start.elapsed().as_secs_f64());
-    observer.message(&format!("matching: {count} on the surfaces of the photographs in {seconds:.1} s"));
+    observer.message(&format_args!("matching: {count} on the surfaces of the photographs in {seconds:.1} s"));
     if let Some(file) = dataset.points.as_deref().filter(|_| config.distance_weight > 0.0) {
         let share = prior::mesh_distances(file, &mut dataset.views).map_err(prior::BuildError::from)?;
         let told = match share {
@@ -55,7 +55,7 @@ pub(super) fn find_points(
             }
         };
         if share != Some(0.0) {
-            observer.message(&format!("distances: {told}"));
+            observer.message(&format_args!("distances: {told}"));
         }
     }
     Ok(points)

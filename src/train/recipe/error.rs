@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use super::{FileError, ObserverError};
 use crate as train;
 use strivec_capture::{dataset, prior};
+use strivec_format::OptionName;
 use strivec_format::container;
 use strivec_format::digits::grouped;
 use strivec_measure as measure;
@@ -103,6 +104,7 @@ impl From<prior::Error> for Error {
 
 /// The rest of the message of an interruption.
 fn after(step: u64, checkpoint: Option<&PathBuf>) -> String {
-    checkpoint
-        .map_or_else(String::new, |path| format!(" after step {step}; `resume` continues from {}", path.display()))
+    checkpoint.map_or_else(String::new, |path| {
+        format!(" after step {step}; {} continues from {}", OptionName("resume"), path.display())
+    })
 }

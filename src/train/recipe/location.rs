@@ -35,7 +35,7 @@ pub(super) fn locate(
     config.prior.points = points;
     let [near, far] = *config.near_far.get_or_insert(near_far);
     let within = bounds.map_or_else(String::new, |b| format!(", within {:.3} to {:.3}", b.min, b.max));
-    observer.message(&format!("rays from {near:.3} to {far:.3}{within}"));
+    observer.message(&format_args!("rays from {near:.3} to {far:.3}{within}"));
     dataset.bounds = bounds;
     Ok(all_points)
 }
@@ -48,5 +48,5 @@ pub(super) fn locate_unbounded(config: &mut TrainConfig, cameras: &[Camera], nea
     });
     let far = FAR_OF_UNBOUNDED * (max - min).max_element();
     let [near, far] = *config.near_far.get_or_insert([near, far]);
-    observer.message(&format!("rays from {near:.3} to {far:.3}, inner box {min:.3} to {max:.3}"));
+    observer.message(&format_args!("rays from {near:.3} to {far:.3}, inner box {min:.3} to {max:.3}"));
 }

@@ -1,5 +1,6 @@
 //! What a training reports while it runs, and how it is stopped.
 
+use std::fmt::Display;
 use std::path::Path;
 
 use crate::{StepReport, Trainer};
@@ -29,7 +30,7 @@ pub struct Progress<'a> {
 /// struct Print;
 ///
 /// impl Observer for Print {
-///     fn message(&mut self, text: &str) {
+///     fn message(&mut self, text: &dyn std::fmt::Display) {
 ///         println!("{text}");
 ///     }
 ///
@@ -39,8 +40,8 @@ pub struct Progress<'a> {
 /// }
 /// ```
 pub trait Observer {
-    /// A message of one line. Names of settings are in backticks.
-    fn message(&mut self, text: &str) {
+    /// A message of one line. Settings have the names of [`named_by`](strivec_format::named_by).
+    fn message(&mut self, text: &dyn Display) {
         let _ = text;
     }
 

@@ -6,9 +6,9 @@
 use super::viewpoints::{default_views, thumbnail};
 use super::{Error, Observer, Progress};
 use crate::pack;
-use crate::pack::{Candidate, Distortion, FileLayout, MAX_TRIED, Views, fit_prefix, probe_views};
+use crate::pack::{Candidate, FileLayout, MAX_TRIED, ModelCameras, ReferencePictures, fit_prefix, probe_views};
 use crate::{FactorImportance, Trainer};
-use strivec_capture::dataset::View;
+use strivec_capture::dataset::Photograph;
 use strivec_field::render::Turntable;
 use strivec_format::container;
 use strivec_format::container::{Metadata, Quality, TrainingCamera};
@@ -97,11 +97,11 @@ pub struct Packing<'a> {
     pub metadata: Metadata,
     /// The photographs' cameras, as far as measurements use them; the file need not have them.
     cameras: Vec<TrainingCamera>,
-    views: Views,
+    views: ModelCameras,
     /// The scene's own pictures.
-    pub own: Distortion,
+    pub own: ReferencePictures,
     /// Photographs, the scene's error to them, and what they are called.
-    pub real: Option<(Distortion, f64, &'a str)>,
+    pub real: Option<(ReferencePictures, f64, &'a str)>,
     options: &'a PackOptions,
 }
 
@@ -112,7 +112,7 @@ impl<'a> Packing<'a> {
         scene: Scene,
         metadata: Metadata,
         mut cameras: Vec<TrainingCamera>,
-        photographs: Option<&'a (Vec<View>, String)>,
+        photographs: Option<&'a (Vec<Photograph>, String)>,
         options: &'a PackOptions,
     ) -> Self {
         // Cameras around the bounds stand for those of the photographs, unless these are within.
@@ -122,17 +122,17 @@ impl<'a> Packing<'a> {
         let width = options.judged_width();
         let probed = |count| probe_views(&scene, metadata.views.as_ref(), &cameras, count, width);
         let real = photographs.map(|(views, what)| {
-            let distortion = Distortion::from_photographs(&scene, views);
+            let distortion = ReferencePictures::from_photographs(&scene, views);
             let before = distortion.mse(&scene);
             (distortion, before, what.as_str())
         });
-        let (views, own) = (probed(PROBED.0), Distortion::from_own_pictures(&scene, probed(JUDGED.0)));
+        let (views, own) = (probed(PROBED.0), ReferencePictures::from_own_pictures(&scene, probed(JUDGED.0)));
         Self { scene, metadata, cameras, views, own, real, options }
     }
 
     /// The importance of the factors of `scene`, seen as this one.
     pub fn importance(&self, scene: &Scene, observer: &mut dyn Observer) -> FactorImportance {
-        observer.message("estimating importance");
+        observer.message(&"estimating importance");
         self.views.importance(scene, self.options.as_many(PROBED.1), self.options.seed)
     }
 
@@ -201,7 +201,7 @@ impl<'a> Packing<'a> {
             };
             // A training may have another background than its file.
             scene.frame.background = self.scene.frame.background;
-            let candidate = Candidate::new(scene, options, &Distortion::of_nothing())?;
+            let candidate = Candidate::new(scene, options, &ReferencePictures::of_nothing())?;
             let (bytes, quality) = self.finish(&candidate, observer)?;
             match (bytes.len() as u64).saturating_sub(target) {
                 0 => return Ok((candidate.decoded, bytes, quality)),
@@ -268,7 +268,7 @@ impl<'a> Packing<'a> {
         }
         let width = options.judged_width();
         let views = probe_views(decoded, metadata.views.as_ref(), &self.cameras, 4, width);
-        let distortion = Distortion::from_own_pictures(decoded, views);
+        let distortion = ReferencePictures::from_own_pictures(decoded, views);
         let total = scales as u64 - 1;
         observer.progress(Progress { phase: "prefixes", done: 0, total, detail: "" });
         let mut psnrs = Vec::new();

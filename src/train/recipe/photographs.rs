@@ -5,6 +5,7 @@ use std::path::Path;
 use super::{Error, Observer};
 use strivec_capture::dataset;
 use strivec_capture::dataset::{Dataset, LoadOptions};
+use strivec_format::OptionName;
 use strivec_format::digits::plural;
 use strivec_format::geometry::Camera;
 
@@ -42,15 +43,17 @@ impl Photographs {
             let downscale = side.div_ceil(most.max(1)).max(1);
             if downscale > 1 {
                 let message = format!("the settings ask for at most {most} pixels a side");
-                observer.message(&format!("`downscale` {downscale}: {message}"));
+                observer.message(&format_args!("{} {downscale}: {message}", OptionName("downscale")));
             }
             return Ok(LoadOptions { downscale, ..options });
         }
         let (downscale, bytes) = dataset::fitting_downscale(folder, "train", &options)?;
         if downscale > 1 {
             let [full, most] = [bytes, options.max_memory].map(|bytes| bytes as f64 / 1e9);
-            let message = format!("photographs at full size take {full:.1} GB, and `max_memory` is {most:.1} GB");
-            observer.message(&format!("`downscale` {downscale}: {message}"));
+            let [downscale_name, memory] = [OptionName("downscale"), OptionName("max_memory")];
+            observer.message(&format_args!(
+                "{downscale_name} {downscale}: photographs at full size take {full:.1} GB, and {memory} is {most:.1} GB"
+            ));
         }
         Ok(LoadOptions { downscale, ..options })
     }

@@ -57,12 +57,12 @@ pub(super) fn prior_of_points(
     let is_enough = share >= if unbounded.is_some() { ENOUGH_BEFORE_FAR } else { ENOUGH_COVERED };
     let rest = if is_enough { "" } else { "; photographs tell the rest" };
     let count = plural(cells.cells.len(), "cell");
-    observer.message(&format!("prior: {count} of {what}, which {:.1} % of rays meet{rest}", 100.0 * share));
+    observer.message(&format_args!("prior: {count} of {what}, which {:.1} % of rays meet{rest}", 100.0 * share));
     if !is_enough {
         return Ok(None);
     }
     if let Some([near, far]) = near_far.filter(|range| Some(*range) != config.near_far) {
-        observer.message(&format!("rays from {near:.3} to {far:.3}, by these points"));
+        observer.message(&format_args!("rays from {near:.3} to {far:.3}, by these points"));
     }
     config.near_far = near_far;
     if share < ENOUGH_COVERED {
@@ -70,7 +70,7 @@ pub(super) fn prior_of_points(
         let cells = train::with_far_cells(config, dataset, &cells)?;
         let count = plural(cells.cells.len(), "cell");
         let sky = if degree > 0 { format!(", before a sky of degree {degree}") } else { String::new() };
-        observer.message(&format!("prior: {count} with those where the other rays end, far away{sky}"));
+        observer.message(&format_args!("prior: {count} with those where the other rays end, far away{sky}"));
         return Ok(Some(cells));
     }
     Ok(Some(cells))

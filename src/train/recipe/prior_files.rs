@@ -58,9 +58,9 @@ pub fn build_prior(
 /// The share of the cameras' rays that meet the prior, with a message, and a warning if it is small.
 pub fn check_sight(boxes: &VoxelBoxes, cameras: &[Camera], observer: &mut dyn Observer) -> PriorVisibility {
     let sight = prior::check_alignment(boxes, cameras);
-    observer.message(&format!("{:.1} % of the cameras' rays meet the prior", 100.0 * sight.share));
+    observer.message(&format_args!("{:.1} % of the cameras' rays meet the prior", 100.0 * sight.share));
     if let Some(advice) = &sight.advice {
-        observer.message(&format!("warning: {advice}"));
+        observer.message(&format_args!("warning: {advice}"));
     }
     sight
 }

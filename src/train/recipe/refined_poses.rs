@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::FileError;
-use strivec_capture::dataset::{NamedCamera, View};
+use strivec_capture::dataset::{NamedCamera, Photograph};
 use strivec_format::digits::plural;
 use strivec_format::geometry::{Camera, Similarity, align_cameras};
 
@@ -44,7 +44,7 @@ struct Poses {
     /// The refined focal lengths are the dataset's times this.
     #[serde(default = "one")]
     focal_scale: f64,
-    frames: Vec<Frame>,
+    frames: Vec<PhotographPose>,
 }
 
 fn one() -> f64 {
@@ -53,15 +53,15 @@ fn one() -> f64 {
 
 /// A photograph.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Frame {
+struct PhotographPose {
     file_path: String,
     transform_matrix: [[f64; 4]; 4],
 }
 
 impl RefinedPoses {
     /// \[view\] the `refined` cameras of `views`, in the dataset's space; at least one.
-    pub fn new(views: &[View], refined: &[Camera]) -> Self {
-        let frame = |(view, camera): (&View, &Camera)| Frame {
+    pub fn new(views: &[Photograph], refined: &[Camera]) -> Self {
+        let frame = |(view, camera): (&Photograph, &Camera)| PhotographPose {
             file_path: view.name.clone(),
             transform_matrix: *camera.pose().as_chunks::<4>().0.first_chunk().expect("16 numbers"),
         };

@@ -28,7 +28,7 @@ impl Start {
         let config = config.fitted(&occupied).map_err(PrepareError::from)?;
         let scene = train::place_scene(&config, dataset, &occupied)?;
         let trainer = Trainer::new(config, scene, &dataset.views)?;
-        observer.message(&format!(
+        observer.message(&format_args!(
             "{} parameters, {} rays meet the model",
             grouped(trainer.scene().parameter_count()),
             grouped(trainer.ray_count() as u64)

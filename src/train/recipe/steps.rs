@@ -72,7 +72,7 @@ impl Meter {
         if photographs > 0 && !self.maps_colors {
             self.maps_colors = true;
             let count = plural(photographs, "photograph");
-            observer.message(&format!("exposure: fitted for {count}; the scene has the colors of their mean"));
+            observer.message(&format_args!("exposure: fitted for {count}; the scene has the colors of their mean"));
         }
     }
 }

@@ -48,7 +48,7 @@ impl Trained {
         if let Some(poses) = &self.refined_poses {
             let path = poses_file(output);
             write_atomically(&path, poses.to_json().as_bytes(), force)?;
-            observer.message(&format!("{}: {}", path.display(), poses.summary()));
+            observer.message(&format_args!("{}: {}", path.display(), poses.summary()));
         }
         if let Some(checkpoint) = &self.checkpoint {
             checkpoint.remove()?;

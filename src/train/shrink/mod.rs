@@ -8,7 +8,7 @@ mod ranks;
 use super::{
     FinishConfig, LeanConfig, ScaleConfig, TrainConfig, TrainError, Trainer, march_step, prune_dead_components,
 };
-use strivec_capture::dataset::View;
+use strivec_capture::dataset::Photograph;
 use strivec_format::model::{Scale, Scene};
 
 /// Learning rates start at this share of the run's: about where those of a preset end.
@@ -65,7 +65,7 @@ impl ShrinkGoal {
 /// If no ray passes through the scene.
 pub fn shrink<'v>(
     mut scene: Scene,
-    views: &'v [View],
+    views: &'v [Photograph],
     goal: ShrinkGoal,
     tuning: &Tuning,
 ) -> Result<Trainer<'v>, TrainError> {

@@ -43,7 +43,7 @@ impl NativeRenderer {
         let backend = backend.to_owned();
         let drawing = detached(py, move || {
             let copy = || Scene::clone(&scene);
-            let usage = |e: strivec::render::ApproximationError| Failure::usage(format!("approximation: {e}"));
+            let usage = |e: strivec::Invalid| Failure::usage(format!("approximation: {e}"));
             Ok(match backend.as_str() {
                 "cpu" => Drawing::Cpu(CpuRenderer::with_approximation(copy(), &approximation).map_err(usage)?),
                 "reference" if approximation.is_exact() => Drawing::Reference(scene),

@@ -14,7 +14,7 @@ use strivec::container::{
     self, EncodeOptions, Encoding, Limits, Metadata, Original, SceneFile, Thumbnail, ThumbnailFormat, TrainingCamera,
     Views,
 };
-use strivec::export::Description;
+use strivec::export::SceneDescription;
 use strivec::field::Field;
 use strivec::model::Scene;
 
@@ -133,7 +133,7 @@ impl NativeScene {
     /// The scene of `arrays` and their `description`, JSON.
     #[staticmethod]
     fn assemble(py: Python<'_>, description: &str, arrays: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let description: Description =
+        let description: SceneDescription =
             serde_json::from_str(description).map_err(|e| Failure::malformed(format!("description: {e}")))?;
         let file = description.scene(&Dictionary(arrays))?;
         detached(py, move || {
@@ -176,7 +176,7 @@ impl NativeScene {
 
     /// All but the long arrays, as JSON.
     fn description(&self) -> PyResult<String> {
-        let description = Description::of(&self.scene, &self.metadata);
+        let description = SceneDescription::of(&self.scene, &self.metadata);
         Ok(serde_json::to_string(&description).map_err(|e| Failure::runtime(e.to_string()))?)
     }
 

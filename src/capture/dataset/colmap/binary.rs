@@ -18,7 +18,7 @@ const MAX_NAME: usize = 4096;
 
 /// The cameras of `path` with their numbers.
 pub(super) fn cameras(path: &Path) -> Result<Vec<(u32, RawCamera)>, Error> {
-    let mut input = Input::open(path)?;
+    let mut input = BinaryFile::open(path)?;
     let count = input.count(CAMERA_BYTES, "cameras")?;
     let mut cameras = Vec::new();
     for _ in 0..count {
@@ -38,7 +38,7 @@ pub(super) fn cameras(path: &Path) -> Result<Vec<(u32, RawCamera)>, Error> {
 
 /// The images of `path` with their numbers. Their points are skipped.
 pub(super) fn images(path: &Path) -> Result<Vec<(u32, RawImage)>, Error> {
-    let mut input = Input::open(path)?;
+    let mut input = BinaryFile::open(path)?;
     let count = input.count(IMAGE_BYTES, "images")?;
     let mut images = Vec::new();
     for _ in 0..count {
@@ -59,14 +59,14 @@ pub(super) fn images(path: &Path) -> Result<Vec<(u32, RawImage)>, Error> {
 }
 
 /// A file that is read front to back.
-struct Input<'a> {
+struct BinaryFile<'a> {
     path: &'a Path,
     file: BufReader<File>,
     length: u64,
     at: u64,
 }
 
-impl<'a> Input<'a> {
+impl<'a> BinaryFile<'a> {
     fn open(path: &'a Path) -> Result<Self, Error> {
         let file = File::open(path).map_err(Error::read(path))?;
         let length = file.metadata().map_err(Error::read(path))?.len();

@@ -4,7 +4,7 @@
 
 use rayon::prelude::*;
 
-use super::grid::{Channels, Grid, Scalar};
+use super::grid::{Channels, CoarseGrid, Scalar};
 use super::ray_loss::Sample;
 
 const BETA1: f64 = 0.9;
@@ -49,7 +49,7 @@ impl<T: Scalar> SortedSamples<T> {
 /// Adam's state for a grid, β = (0.9, 0.99). A value whose gradient is exactly zero keeps its value and its moments
 /// (DVGO: `skip_zero_grad_fields`).
 #[derive(Debug)]
-pub(super) struct Adam<T> {
+pub(super) struct GridAdam<T> {
     moments: Vec<[Channels<T>; 2]>,
     rate: f64,
     epsilon: T,
@@ -62,13 +62,13 @@ struct PlaneGradient<T> {
     rows: Vec<bool>,
 }
 
-impl<T: Scalar> Adam<T> {
+impl<T: Scalar> GridAdam<T> {
     pub(super) fn new(entries: usize, rate: f64, epsilon: f64) -> Self {
         Self { moments: vec![[[T::zero(); 4]; 2]; entries], rate, epsilon: T::of(epsilon), step: 0 }
     }
 
     /// One step along the gradients of `batches`; `rates` \[vertex\] scales the learning rate.
-    pub(super) fn step(&mut self, grid: &mut Grid<T>, batches: &[SortedSamples<T>], rates: &[T]) {
+    pub(super) fn step(&mut self, grid: &mut CoarseGrid<T>, batches: &[SortedSamples<T>], rates: &[T]) {
         self.step += 1;
         let correction = |beta: f64| 1.0 - beta.powf(f64::from(self.step));
         let rate = T::of(self.rate / correction(BETA1));
@@ -120,7 +120,7 @@ impl<T: Scalar> PlaneGradient<T> {
         }
     }
 
-    /// The transpose of [`Grid::interpolate`] in one plane; `along_z` is the weight of the plane.
+    /// The transpose of [`CoarseGrid::interpolate`] in one plane; `along_z` is the weight of the plane.
     #[inline(always)]
     fn add(&mut self, sample: &Sample<T>, plane_begin: usize, row: usize, along_z: T) {
         let first = sample.first as usize - plane_begin;
@@ -168,7 +168,7 @@ fn descend<T: Scalar>(
 
 /// The whole gradient at once, for tests: \[vertex\] channels.
 #[cfg(test)]
-pub(super) fn gradient<T: Scalar>(grid: &Grid<T>, batches: &[SortedSamples<T>]) -> Vec<Channels<T>> {
+pub(super) fn gradient<T: Scalar>(grid: &CoarseGrid<T>, batches: &[SortedSamples<T>]) -> Vec<Channels<T>> {
     let (plane, row) = (grid.plane(), grid.vertices.x as usize);
     (0..grid.vertices.z as usize)
         .flat_map(|z| {

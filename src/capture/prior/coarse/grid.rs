@@ -24,7 +24,7 @@ pub(super) type Channels<T> = [T; 4];
 
 /// A regular grid of vertices with their channels. The unit of its own space is the voxel, its origin the first vertex.
 #[derive(Clone, Debug)]
-pub(super) struct Grid<T> {
+pub(super) struct CoarseGrid<T> {
     /// The position of vertex (0, 0, 0), in dataset units.
     pub(super) origin: DVec3,
     /// The distance between vertices, in dataset units.
@@ -35,9 +35,9 @@ pub(super) struct Grid<T> {
     pub(super) values: Vec<Channels<T>>,
 }
 
-impl<T: Scalar> Grid<T> {
+impl<T: Scalar> CoarseGrid<T> {
     /// A grid of zeros whose vertices span at least `bounds`, about `count` of them, cubic voxels.
-    pub(super) fn over(bounds: &Aabb, count: f64) -> Self {
+    pub(super) fn new(bounds: &Aabb, count: f64) -> Self {
         let size = bounds.size();
         Self::with_voxel(bounds, (size.x * size.y * size.z / count).cbrt())
     }
@@ -128,7 +128,7 @@ pub(super) struct Live {
 impl Live {
     /// The cells in which the interpolated raw density may reach `threshold`: those with a vertex of at least that
     /// density whose learning rate is not 0.
-    pub(super) fn of<T: Scalar>(grid: &Grid<T>, rates: &[T], threshold: T) -> Self {
+    pub(super) fn of<T: Scalar>(grid: &CoarseGrid<T>, rates: &[T], threshold: T) -> Self {
         let [nx, ny, nz] = grid.vertices.to_array().map(|n| n as usize);
         // A maximum along x, then y, then z.
         let mut cells: Vec<bool> =

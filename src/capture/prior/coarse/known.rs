@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use glam::{DVec3, UVec3};
 
-use super::grid::{Grid, Scalar};
+use super::grid::{CoarseGrid, Scalar};
 use crate::prior::VoxelBoxes;
 use strivec_format::geometry::RayPath;
 
@@ -12,11 +12,11 @@ use strivec_format::geometry::RayPath;
 const STEP: f64 = 0.5;
 
 /// \[vertex\] true if the voxel around it holds a part of a known cell.
-pub(super) struct Known(Vec<bool>);
+pub(super) struct KnownVertices(Vec<bool>);
 
-impl Known {
+impl KnownVertices {
     /// The vertices of `grid` in or nearest to the cells of `points`, which are in its space.
-    pub(super) fn new<T: Scalar>(grid: &Grid<T>, points: &VoxelBoxes) -> Self {
+    pub(super) fn new<T: Scalar>(grid: &CoarseGrid<T>, points: &VoxelBoxes) -> Self {
         let cells: HashSet<UVec3> = points.cells.iter().copied().collect();
         let is_in_cell = |n: usize| {
             let cell = points.lattice.cell_of(grid.vertex(n));
@@ -37,7 +37,7 @@ impl Known {
     }
 
     /// True if `path`, which is in the grid's space, passes between known vertices or beside one.
-    pub(super) fn meets<T: Scalar>(&self, grid: &Grid<T>, path: &RayPath) -> bool {
+    pub(super) fn meets<T: Scalar>(&self, grid: &CoarseGrid<T>, path: &RayPath) -> bool {
         let Some((begin, end)) = path.span else { return false };
         let step = STEP * grid.voxel;
         let steps = ((end - begin) / step).max(0.0) as u32;
@@ -55,7 +55,7 @@ impl Known {
 }
 
 /// The vertex nearest to `point`; `None` if it is outside of the grid.
-fn nearest<T: Scalar>(grid: &Grid<T>, point: DVec3) -> Option<usize> {
+fn nearest<T: Scalar>(grid: &CoarseGrid<T>, point: DVec3) -> Option<usize> {
     let place = grid.local(point).round();
     let is_inside = place.min_element() >= 0.0 && place.cmplt(grid.vertices.as_dvec3()).all();
     is_inside.then(|| grid.index(place.as_uvec3()))
@@ -69,12 +69,12 @@ mod tests {
     #[test]
     fn voxels_of_smaller_and_of_larger_cells_are_known_and_rays_through_them_meet_them() {
         let bounds = Aabb::around(DVec3::ZERO, DVec3::ONE);
-        let grid = Grid::<f32>::with_voxel(&bounds, 0.1);
+        let grid = CoarseGrid::<f32>::with_voxel(&bounds, 0.1);
         for pitch in [0.03, 0.1, 0.4] {
             let lattice = Lattice { origin: DVec3::NEG_ONE, pitch: DVec3::splat(pitch) };
             let cell = lattice.cell_of(DVec3::new(0.51, 0.02, 0.01)).as_uvec3();
             let points = VoxelBoxes { lattice, cells: vec![cell] };
-            let known = Known::new(&grid, &points);
+            let known = KnownVertices::new(&grid, &points);
             let count = (0..grid.values.len()).filter(|&n| known.contains(n)).count();
             assert!(
                 if pitch < 0.2 { (1..=8).contains(&count) } else { (27..=125).contains(&count) },

@@ -26,10 +26,10 @@ use glam::DVec3;
 
 pub use options::CoarseOptions;
 
-use self::grid::Grid;
-use self::known::Known;
+use self::grid::CoarseGrid;
+use self::known::KnownVertices;
 use self::ray_loss::density_of_alpha;
-use self::ray_sampler::RaySampler;
+use self::ray_sampler::PixelSampler;
 pub use self::ray_sampler::check_views;
 use self::trainer::CoarseTrainer;
 use super::free_space::FreeSpace;
@@ -65,7 +65,7 @@ pub fn reconstruct(
 ) -> Result<VoxelBoxes, Error> {
     options.check()?;
     let map = options.unbounded.map_or(Similarity::IDENTITY, |unbounded| unbounded.model_from_dataset);
-    let photographs = RaySampler::new(dataset, options.background, &map)?;
+    let photographs = PixelSampler::new(dataset, options.background, &map)?;
     let [near, far] = near_and_far(dataset, options.near, options.far)?;
     let frusta = match options.unbounded {
         None => frusta_within(dataset, near, far),
@@ -77,17 +77,12 @@ pub fn reconstruct(
     let carving = points.filter(|_| options.free_before_points);
     let free = carving.map(|points| FreeSpace::new(photographs.cameras(), points, contraction.as_ref()));
     if !frusta.is_solid() {
-        let view = dataset.views[0].name.clone();
-        return Err(Error::View {
-            view,
-            expected: "cameras whose frusta span a box".into(),
-            found: format!("{frusta:?}"),
-        });
+        return Err(Error::no_box(dataset, &frusta));
     }
 
     let levels = options.steps.len();
     let coarsest = f64::from(options.voxels) / 8.0_f64.powi(levels as i32 - 1);
-    let mut grid = Grid::<f32>::over(&frusta, coarsest.max(8.0));
+    let mut grid = CoarseGrid::<f32>::new(&frusta, coarsest.max(8.0));
     let mut visible = Vec::new();
     let mut known = None;
     let mut done = 0;
@@ -108,7 +103,7 @@ pub fn reconstruct(
             }
         }
         if number + 1 == levels {
-            known = points.map(|points| Known::new(trainer.grid(), points));
+            known = points.map(|points| KnownVertices::new(trainer.grid(), points));
             visible = trainer.visible(&photographs, options, known.as_ref());
         }
         grid = trainer.into_grid();
@@ -147,7 +142,7 @@ pub fn near_and_far(dataset: &Dataset, near: Option<f64>, far: Option<f64>) -> R
 
 /// The box that the next grid covers: that of the occupied voxels and of the points, grown by two voxels. A grid no larger
 /// than the scene also fits the processor's caches. `None` if no voxel is occupied yet.
-fn worth_refining(grid: &Grid<f32>, options: &CoarseOptions) -> Option<Aabb> {
+fn worth_refining(grid: &CoarseGrid<f32>, options: &CoarseOptions) -> Option<Aabb> {
     let known = options.points.as_ref().map_or(Aabb::EMPTY, VoxelBoxes::bounds);
     let bounds = occupied(grid, options, |_| true).bounds().union(&known);
     bounds.is_solid().then(|| bounds.grown(DVec3::splat(2.0 * grid.voxel)).intersection(&grid.bounds()))
@@ -155,7 +150,7 @@ fn worth_refining(grid: &Grid<f32>, options: &CoarseOptions) -> Option<Aabb> {
 
 /// The voxels around those of the vertices that count whose α over a voxel edge exceeds the threshold. A vertex seen by too few views keeps
 /// its initial density, which is below it.
-fn occupied(grid: &Grid<f32>, options: &CoarseOptions, counts: impl Fn(usize) -> bool) -> VoxelBoxes {
+fn occupied(grid: &CoarseGrid<f32>, options: &CoarseOptions, counts: impl Fn(usize) -> bool) -> VoxelBoxes {
     let shift = density_of_alpha(options.initial_alpha, 1.0);
     let threshold = (density_of_alpha(options.occupied_alpha, 1.0) - shift) as f32;
     let vertex = |n: usize| cell_at(n as u64, grid.vertices);

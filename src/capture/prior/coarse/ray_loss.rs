@@ -1,11 +1,11 @@
 //! One ray: samples, the composited color, the loss and its gradients (DVGO, sections 3 and 5).
 
-use super::grid::{Channels, Grid, Live, Scalar};
+use super::grid::{Channels, CoarseGrid, Live, Scalar};
 use strivec_format::geometry::{Aabb, Ray, RayPath};
 
 /// Constants of compositing and of the loss.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shading<T> {
+pub(super) struct CompositingConstants<T> {
     /// Added to the raw density before the softplus.
     pub(super) shift: T,
     /// The length of a sample in voxels of the finest grid.
@@ -27,14 +27,14 @@ pub(super) struct Shading<T> {
 /// The sampled part of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Segment {
-    course: Course,
+    course: SampleCourse,
     /// The first sample and the one after the last, counted from the start of the course.
     samples: (u32, u32),
 }
 
 /// The places of a ray's samples.
 #[derive(Clone, Copy, Debug)]
-enum Course {
+enum SampleCourse {
     /// Even steps in the grid's space from `begin` on.
     Straight { origin: [f64; 3], direction: [f64; 3], begin: f64 },
     /// Even steps of the path's parameter, `step` apart, from `begin` on.
@@ -57,7 +57,8 @@ impl Segment {
         }
         let first = ((live_entry - begin) / step).ceil().max(0.0) as u32;
         let last = ((end - begin) / step).ceil() as u32;
-        let course = Course::Straight { origin: ray.origin.to_array(), direction: ray.direction.to_array(), begin };
+        let course =
+            SampleCourse::Straight { origin: ray.origin.to_array(), direction: ray.direction.to_array(), begin };
         (first < last).then_some(Self { course, samples: (first, last) })
     }
 
@@ -65,7 +66,7 @@ impl Segment {
     pub(super) fn along(path: RayPath, step: f64) -> Option<Self> {
         let (begin, end) = path.span?;
         let last = ((end - begin) / step).ceil().max(0.0) as u32;
-        (last > 0).then_some(Self { course: Course::Contracted { path, begin, step }, samples: (0, last) })
+        (last > 0).then_some(Self { course: SampleCourse::Contracted { path, begin, step }, samples: (0, last) })
     }
 }
 
@@ -107,11 +108,11 @@ pub(super) struct RayLoss<T> {
 #[derive(Clone, Copy)]
 pub(super) struct Medium<'a, T> {
     /// Densities and colors.
-    pub(super) grid: &'a Grid<T>,
+    pub(super) grid: &'a CoarseGrid<T>,
     /// Cells to sample.
     pub(super) live: &'a Live,
     /// Constants of compositing and of the loss.
-    pub(super) shading: &'a Shading<T>,
+    pub(super) shading: &'a CompositingConstants<T>,
     /// The distance between samples, in voxels.
     pub(super) step: T,
 }
@@ -133,21 +134,21 @@ pub(super) fn trace<T: Scalar>(
     let last = [grid.vertices.x as usize - 2, grid.vertices.y as usize - 2, grid.vertices.z as usize - 2];
     let plane = grid.plane();
     let (entry, direction) = match segment.course {
-        Course::Straight { origin, direction, begin } => {
+        SampleCourse::Straight { origin, direction, begin } => {
             (std::array::from_fn(|a| T::of(origin[a] + begin * direction[a])), direction.map(T::of))
         }
-        Course::Contracted { .. } => ([T::zero(); 3], [T::zero(); 3]),
+        SampleCourse::Contracted { .. } => ([T::zero(); 3], [T::zero(); 3]),
     };
     let mut transmittance = T::one();
     let mut color = [T::zero(); 3];
     let mut point_color = T::zero();
     for k in segment.samples.0..segment.samples.1 {
         let place: [T; 3] = match &segment.course {
-            Course::Straight { .. } => {
+            SampleCourse::Straight { .. } => {
                 let t = T::of(f64::from(k)) * step;
                 std::array::from_fn(|a| entry[a] + t * direction[a])
             }
-            Course::Contracted { path, begin, step } => {
+            SampleCourse::Contracted { path, begin, step } => {
                 let place = grid.local(path.position(begin + f64::from(k) * step));
                 if place.min_element() < 0.0 || place.cmpgt(grid.vertices.as_dvec3() - 1.0).any() {
                     continue;

@@ -1,12 +1,13 @@
 //! Random pixels of photographs, and the check of their cameras.
 
-use crate::dataset::{Dataset, View};
+use crate::dataset::{Dataset, Photograph};
 use crate::prior::Error;
+use strivec_format::Invalid;
 use strivec_format::geometry::{Camera, Ray, Similarity};
 use strivec_format::random::Random;
 
 /// Draws random pixels of a dataset, with their rays and colors.
-pub(super) struct RaySampler<'a> {
+pub(super) struct PixelSampler<'a> {
     dataset: &'a Dataset,
     /// \[view + 1\]: index of each view's first pixel among all pixels that count, then the number of all.
     begins: Vec<u64>,
@@ -18,12 +19,12 @@ pub(super) struct RaySampler<'a> {
     cameras: Vec<Camera>,
 }
 
-impl<'a> RaySampler<'a> {
+impl<'a> PixelSampler<'a> {
     /// The pixels of `dataset`, whose cameras `map` takes to the space of the reconstruction.
     pub(super) fn new(dataset: &'a Dataset, background: [f32; 3], map: &Similarity) -> Result<Self, Error> {
         check_views(dataset)?;
         let cameras = dataset.views.iter().map(|view| view.camera.mapped(map)).collect();
-        let counting: Vec<_> = dataset.views.iter().map(View::counting).collect();
+        let counting: Vec<_> = dataset.views.iter().map(Photograph::counting).collect();
         let mut begins = vec![0];
         for (view, counting) in dataset.views.iter().zip(&counting) {
             let count = counting.as_ref().map_or(view.pixels.len(), Vec::len);
@@ -56,21 +57,21 @@ impl<'a> RaySampler<'a> {
 pub fn check_views(dataset: &Dataset) -> Result<(), Error> {
     for view in &dataset.views {
         let camera = &view.camera;
-        let wrong = |expected: &str, found: String| {
-            Err(Error::View { view: view.name.clone(), expected: expected.into(), found })
+        let wrong = |place: &str, expected: &str, found: String| {
+            Err(Error::View { view: view.name.clone(), invalid: Invalid::new(place, expected, found) })
         };
         let pixels = u64::from(camera.width) * u64::from(camera.height);
         if pixels == 0 || pixels != view.pixels.len() as u64 {
             let found = format!("{} for {} x {}", view.pixels.len(), camera.width, camera.height);
-            return wrong("one pixel for each of the camera's, at least one", found);
+            return wrong("the number of pixels", "one for each of the camera's, at least one", found);
         }
         if view.mask.as_ref().is_some_and(|mask| mask.len() as u64 != pixels) {
-            return wrong("a mask with one value for each pixel", format!("a mask for {pixels} pixels"));
+            return wrong("the mask", "one value for each pixel", format!("a mask for {pixels} pixels"));
         }
         let intrinsics = camera.focal.iter().chain(&camera.principal);
         let is_finite = camera.position.is_finite() && intrinsics.into_iter().all(|v| v.is_finite());
         if !is_finite || camera.ray(0, 0).is_some_and(|ray| !ray.direction.is_finite()) {
-            return wrong("a finite camera", format!("{camera:?}"));
+            return wrong("the camera", "finite", format!("{camera:?}"));
         }
     }
     if dataset.views.is_empty() {

@@ -3,8 +3,8 @@
 use glam::{DVec3, UVec3};
 
 use super::adam::{SortedSamples, gradient};
-use super::grid::{Channels, Grid, Live};
-use super::ray_loss::{Medium, Segment, Shading, activate, density_of_alpha, trace};
+use super::grid::{Channels, CoarseGrid, Live};
+use super::ray_loss::{CompositingConstants, Medium, Segment, activate, density_of_alpha, trace};
 use strivec_format::geometry::{Aabb, Ray};
 use strivec_format::random::Random;
 
@@ -16,10 +16,10 @@ fn noise(key: u64) -> f64 {
 }
 
 /// Densities from almost empty to almost opaque, colors of all kinds.
-fn tiny_grid() -> Grid<f64> {
+fn tiny_grid() -> CoarseGrid<f64> {
     let vertices = UVec3::new(4, 5, 3);
     let values = (0..60).map(|n| std::array::from_fn(|c| 2.0 * noise(4 * n + c as u64))).collect();
-    Grid { origin: DVec3::ZERO, voxel: 1.0, vertices, values }
+    CoarseGrid { origin: DVec3::ZERO, voxel: 1.0, vertices, values }
 }
 
 fn rays() -> [Ray; 3] {
@@ -31,8 +31,8 @@ fn rays() -> [Ray; 3] {
     ]
 }
 
-fn shading(entropy: f64, point_color: f64) -> Shading<f64> {
-    Shading {
+fn shading(entropy: f64, point_color: f64) -> CompositingConstants<f64> {
+    CompositingConstants {
         shift: -0.5,
         interval: 0.5,
         min_density: f64::NEG_INFINITY,
@@ -45,7 +45,7 @@ fn shading(entropy: f64, point_color: f64) -> Shading<f64> {
 }
 
 /// The mean loss of the rays and its gradient.
-fn evaluate(grid: &Grid<f64>, shading: &Shading<f64>) -> (f64, Vec<Channels<f64>>) {
+fn evaluate(grid: &CoarseGrid<f64>, shading: &CompositingConstants<f64>) -> (f64, Vec<Channels<f64>>) {
     let live = Live::of(grid, &vec![1.0; grid.values.len()], f64::NEG_INFINITY);
     let extent = Aabb { min: DVec3::ZERO, max: grid.vertices.as_dvec3() - 1.0 };
     let medium = Medium { grid, live: &live, shading, step: STEP };
@@ -62,7 +62,12 @@ fn evaluate(grid: &Grid<f64>, shading: &Shading<f64>) -> (f64, Vec<Channels<f64>
 }
 
 /// The largest difference between `analytic` and central differences over `channels`, relative to the largest entry.
-fn worst(grid: &Grid<f64>, shading: &Shading<f64>, analytic: &[Channels<f64>], channels: &[usize]) -> f64 {
+fn worst(
+    grid: &CoarseGrid<f64>,
+    shading: &CompositingConstants<f64>,
+    analytic: &[Channels<f64>],
+    channels: &[usize],
+) -> f64 {
     const H: f64 = 1e-5;
     let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
     for (n, analytic) in analytic.iter().enumerate() {
@@ -117,7 +122,7 @@ fn alpha_follows_its_definition_on_both_branches() {
 #[test]
 fn refining_keeps_a_linear_field() {
     let bounds = Aabb { min: DVec3::ZERO, max: DVec3::new(3.0, 4.0, 2.0) };
-    let mut grid = Grid::<f64>::with_voxel(&bounds, 1.0);
+    let mut grid = CoarseGrid::<f64>::with_voxel(&bounds, 1.0);
     let field = |p: DVec3| [p.x, p.y - p.z, 2.0 * p.z, 1.0];
     grid.values = (0..60).map(|n| field(grid.position(n % 4, n / 4 % 5, n / 20))).collect();
     let fine = grid.refined(&Aabb { min: DVec3::splat(0.5), max: DVec3::new(2.0, 3.0, 2.0) });

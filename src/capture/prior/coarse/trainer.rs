@@ -6,11 +6,11 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::CoarseOptions;
-use super::adam::{Adam, SortedSamples};
-use super::grid::{Grid, Live, Scalar};
-use super::known::Known;
-use super::ray_loss::{Medium, Sample, Segment, Shaded, Shading, density_of_alpha, trace};
-use super::ray_sampler::RaySampler;
+use super::adam::{GridAdam, SortedSamples};
+use super::grid::{CoarseGrid, Live, Scalar};
+use super::known::KnownVertices;
+use super::ray_loss::{CompositingConstants, Medium, Sample, Segment, Shaded, density_of_alpha, trace};
+use super::ray_sampler::PixelSampler;
 use super::visibility::count_views;
 use crate::prior::free_space::FreeSpace;
 use strivec_format::geometry::{Aabb, Camera, Contraction, Ray, RayPath};
@@ -23,23 +23,23 @@ const LIVE_EVERY: u32 = 16;
 
 /// Trains one grid (DVGO, section 4).
 pub(super) struct CoarseTrainer {
-    grid: Grid<f32>,
+    grid: CoarseGrid<f32>,
     rates: Vec<f32>,
     live: Live,
-    adam: Adam<f32>,
-    shading: Shading<f32>,
+    adam: GridAdam<f32>,
+    shading: CompositingConstants<f32>,
     /// Range of distances along rays, in the grid's units.
     near_far: [f64; 2],
     contraction: Option<Contraction>,
     step_size: f64,
     rays: u32,
-    chunks: Vec<Chunk>,
+    chunks: Vec<TaskBuffers>,
     batches: Vec<SortedSamples<f32>>,
 }
 
 /// Buffers of one task, reused at every step.
 #[derive(Default)]
-struct Chunk {
+struct TaskBuffers {
     samples: Vec<Sample<f32>>,
     shaded: Vec<Shaded<f32>>,
     squared: f64,
@@ -49,8 +49,8 @@ impl CoarseTrainer {
     /// A trainer of `grid`, whose voxels are `finest_voxels` times as large as those of the finest grid. `near_far` is in
     /// the units of the photographs' cameras. Nothing is learned in `free` space.
     pub(super) fn new(
-        grid: Grid<f32>,
-        photographs: &RaySampler,
+        grid: CoarseGrid<f32>,
+        photographs: &PixelSampler,
         options: &CoarseOptions,
         near_far: [f64; 2],
         finest_voxels: f64,
@@ -69,7 +69,7 @@ impl CoarseTrainer {
         let rates = vertex_rates(&counts, options, photographs.cameras().len());
         let shift = density_of_alpha(options.initial_alpha, 1.0);
         let interval = options.step_size * finest_voxels;
-        let shading = Shading {
+        let shading = CompositingConstants {
             shift: shift as f32,
             interval: interval as f32,
             min_density: (density_of_alpha(options.skip_alpha, interval) - shift) as f32,
@@ -82,12 +82,12 @@ impl CoarseTrainer {
         let chunks = options.rays.div_ceil(CHUNK) as usize;
         Self {
             live: Live::of(&grid, &rates, shading.min_density),
-            adam: Adam::new(grid.values.len(), options.learning_rate, options.adam_epsilon),
+            adam: GridAdam::new(grid.values.len(), options.learning_rate, options.adam_epsilon),
             near_far,
             contraction,
             step_size: options.step_size,
             rays: options.rays,
-            chunks: (0..chunks).map(|_| Chunk::default()).collect(),
+            chunks: (0..chunks).map(|_| TaskBuffers::default()).collect(),
             batches: (0..chunks).map(|_| SortedSamples::default()).collect(),
             rates,
             shading,
@@ -111,23 +111,23 @@ impl CoarseTrainer {
         Segment::new(&ray, &extent, &self.live.bounds, near_far, self.step_size)
     }
 
-    fn meets(&self, known: &Known, ray: &Ray) -> bool {
+    fn meets(&self, known: &KnownVertices, ray: &Ray) -> bool {
         known.meets(&self.grid, &RayPath::new(ray, &self.grid.bounds(), self.contraction, self.near_far))
     }
 
     /// The grid.
-    pub(super) fn grid(&self) -> &Grid<f32> {
+    pub(super) fn grid(&self) -> &CoarseGrid<f32> {
         &self.grid
     }
 
     /// The trained grid.
-    pub(super) fn into_grid(self) -> Grid<f32> {
+    pub(super) fn into_grid(self) -> CoarseGrid<f32> {
         self.grid
     }
 
     /// One step on random rays, drawn from (`seed`, `key`). Returns their mean squared error. `step` counts the steps
     /// on this grid.
-    pub(super) fn step(&mut self, photographs: &RaySampler, seed: u64, key: u64, step: u32) -> f64 {
+    pub(super) fn step(&mut self, photographs: &PixelSampler, seed: u64, key: u64, step: u32) -> f64 {
         if step.is_multiple_of(LIVE_EVERY) {
             self.live = Live::of(&self.grid, &self.rates, self.shading.min_density);
         }
@@ -152,7 +152,7 @@ impl CoarseTrainer {
     fn trace_chunk(
         &self,
         pixels: impl Iterator<Item = (Ray, [f32; 3])>,
-        chunk: &mut Chunk,
+        chunk: &mut TaskBuffers,
         batch: &mut SortedSamples<f32>,
     ) {
         let medium = self.medium();
@@ -175,9 +175,9 @@ impl CoarseTrainer {
     /// views as a surface must be in: fog is everywhere. Only some pixels are traced, by `options`.
     pub(super) fn visible(
         &mut self,
-        photographs: &RaySampler,
+        photographs: &PixelSampler,
         options: &CoarseOptions,
-        known: Option<&Known>,
+        known: Option<&KnownVertices>,
     ) -> Vec<bool> {
         self.live = Live::of(&self.grid, &self.rates, self.shading.min_density);
         let cameras = photographs.cameras();
@@ -203,11 +203,11 @@ impl CoarseTrainer {
 
     /// The vertices that `camera` sees.
     #[inline(always)]
-    fn seen_by(&self, camera: &Camera, options: &CoarseOptions, known: Option<&Known>) -> BTreeSet<usize> {
+    fn seen_by(&self, camera: &Camera, options: &CoarseOptions, known: Option<&KnownVertices>) -> BTreeSet<usize> {
         let (weight, stride) = (options.min_visibility_weight as f32, options.visibility_stride as usize);
         let medium = self.medium();
         let (row, plane) = (self.grid.vertices.x as usize, self.grid.plane());
-        let mut chunk = Chunk::default();
+        let mut chunk = TaskBuffers::default();
         let mut seen = BTreeSet::new();
         for y in (0..camera.height).step_by(stride) {
             for x in (0..camera.width).step_by(stride) {

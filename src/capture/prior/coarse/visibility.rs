@@ -3,14 +3,14 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::grid::{Grid, Scalar};
+use super::grid::{CoarseGrid, Scalar};
 use strivec_format::geometry::{Camera, Contraction};
 
 /// \[vertex\]: the number of cameras whose frustum between the distances `near` and `far` contains it or, from `near` on,
 /// its place before `contraction`: vertices on the border of contracted space are infinitely far away. DVGO counts the
 /// views whose rays touch a vertex, which is the same up to a pixel at the edges of the pictures.
 pub(super) fn count_views<T: Scalar>(
-    grid: &Grid<T>,
+    grid: &CoarseGrid<T>,
     cameras: &[Camera],
     [near, far]: [f64; 2],
     contraction: Option<Contraction>,
@@ -56,7 +56,7 @@ mod tests {
     #[test]
     fn a_vertex_counts_where_its_projection_lies_in_the_picture_and_in_range() {
         let camera = Camera::looking_at([10, 6], 8.0, DVec3::new(0.0, -4.0, 0.0), DVec3::ZERO, DVec3::Z);
-        let grid = Grid::<f32> {
+        let grid = CoarseGrid::<f32> {
             origin: DVec3::splat(-3.0),
             voxel: 0.75,
             vertices: UVec3::splat(9),

@@ -16,10 +16,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use self::plane::Plane;
-use self::search::Search;
-use self::shot::{PlaneMap, Shot};
+use self::search::DepthSearch;
+use self::shot::{PlaneMap, StereoShot};
 use super::CameraBounds;
-use crate::dataset::View;
+use crate::dataset::Photograph;
 use strivec_format::geometry::Camera;
 
 /// Photographs that a photograph is compared with, at most.
@@ -48,8 +48,8 @@ pub(super) struct Matches {
 
 /// The surfaces that `views` show; there may be none. Of more than `most` views, so many are searched. In a scene
 /// that `is_unbounded`, they may be far away; there, distances are known only where photographs resolve them well.
-pub(super) fn matches(views: &[View], most: usize, is_unbounded: bool) -> Matches {
-    let shots: Vec<Shot> = views.par_iter().map(Shot::new).collect();
+pub(super) fn matches(views: &[Photograph], most: usize, is_unbounded: bool) -> Matches {
+    let shots: Vec<StereoShot> = views.par_iter().map(StereoShot::new).collect();
     let cameras: Vec<Camera> = shots.iter().map(|shot| shot.camera).collect();
     let bounds = CameraBounds::from_cameras(cameras.iter());
     let distance = 2.0 * bounds.near;
@@ -59,15 +59,15 @@ pub(super) fn matches(views: &[View], most: usize, is_unbounded: bool) -> Matche
     // By chosen view.
     let search = |&n: &usize| {
         let others = neighbors(&cameras, n, distance);
-        Search::new(&shots[n], others.into_iter().map(|m| &shots[m]), distance, range)
+        DepthSearch::new(&shots[n], others.into_iter().map(|m| &shots[m]), distance, range)
     };
-    let searches: Vec<Search> = chosen.par_iter().map(search).collect();
+    let searches: Vec<DepthSearch> = chosen.par_iter().map(search).collect();
     // Else nothing is too far for the photographs to resolve its distance.
-    let tolerance = |search: &Search| if is_unbounded { search.tolerance() } else { 0.0 };
+    let tolerance = |search: &DepthSearch| if is_unbounded { search.tolerance() } else { 0.0 };
     let agreed = |maps: &[PlaneMap]| -> Vec<PlaneMap> {
         (0..searches.len()).into_par_iter().map(|n| agreed(&searches, maps, n, tolerance(&searches[n]))).collect()
     };
-    let seeds = agreed(&searches.par_iter().map(Search::sweep).collect::<Vec<_>>());
+    let seeds = agreed(&searches.par_iter().map(DepthSearch::sweep).collect::<Vec<_>>());
     let maps = agreed(&searches.par_iter().zip(&seeds).map(|(search, seeds)| search.grow(seeds)).collect::<Vec<_>>());
     let mut distances = vec![Vec::new(); views.len()];
     let found: Vec<(usize, Vec<f32>)> = (chosen.par_iter().zip(&searches).zip(&maps))
@@ -121,9 +121,9 @@ fn neighbors(cameras: &[Camera], n: usize, distance: f64) -> Vec<usize> {
 
 /// The planes of photograph `n` that the planes of others agree with, within `tolerance` of 1/depth where that is more than
 /// [`AGREEMENT`] of it.
-fn agreed(searches: &[Search], maps: &[PlaneMap], n: usize, tolerance: f64) -> PlaneMap {
+fn agreed(searches: &[DepthSearch], maps: &[PlaneMap], n: usize, tolerance: f64) -> PlaneMap {
     let shot = searches[n].shot;
-    let agrees = |place: DVec3, other: &Shot, map: &PlaneMap| {
+    let agrees = |place: DVec3, other: &StereoShot, map: &PlaneMap| {
         let Some(at) = other.camera.project(place) else { return false };
         let Some([column, row]) = other.patch_at(at) else { return false };
         let inverse = 1.0 / (other.camera.position - place).dot(other.camera.world_from_camera.z_axis);
@@ -190,13 +190,13 @@ mod tests {
     #[test]
     fn planes_grow_along_slanted_surfaces_and_over_patterns() {
         let random = Random::new(7, "texture");
-        let views: Vec<View> = (0..9)
+        let views: Vec<Photograph> = (0..9)
             .map(|n| {
                 let position = DVec3::new(0.05 * f64::from(n % 3), 0.25 * f64::from(n - 4), 0.0);
                 let camera = Camera::looking_at([120, 96], 110.0, position, DVec3::new(4.0, 0.0, -1.0), DVec3::Z);
                 let gray = camera.rays(0..96).map(|ray| ray.unwrap());
                 let gray = gray.map(|ray| [floor(&random, ray.origin, ray.direction).1; 3]);
-                View::new(n.to_string(), camera, Pixels::opaque(gray))
+                Photograph::new(n.to_string(), camera, Pixels::opaque(gray))
             })
             .collect();
         let Matches { distances, .. } = matches(&views, 100, false);
@@ -219,7 +219,7 @@ mod tests {
         }
     }
 
-    fn views(lens: Lens) -> Vec<View> {
+    fn views(lens: Lens) -> Vec<Photograph> {
         let random = Random::new(7, "texture");
         (0..9)
             .map(|n| {
@@ -231,7 +231,7 @@ mod tests {
                     let ray = ray.unwrap();
                     [scene(&random, ray.origin, ray.direction).1; 3]
                 });
-                View::new(n.to_string(), camera, Pixels::opaque(gray))
+                Photograph::new(n.to_string(), camera, Pixels::opaque(gray))
             })
             .collect()
     }

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::plane::{Plane, direction};
-use super::shot::{MIN_CONTRAST, PATCH, RADIUS, Shot};
+use super::shot::{MIN_CONTRAST, PATCH, RADIUS, StereoShot};
 use strivec_format::geometry::Camera;
 
 /// The largest factor by which a patch may be larger or smaller in another photograph.
@@ -11,7 +11,7 @@ const MAX_ZOOM: f64 = 2.0;
 
 /// The map from the picture of one camera to that of another.
 pub(super) struct Pair<'a> {
-    other: &'a Shot,
+    other: &'a StereoShot,
     /// From the axes of the first picture to those of the other.
     rotation: DMat3,
     /// The first camera in the axes of the other picture.
@@ -19,7 +19,7 @@ pub(super) struct Pair<'a> {
 }
 
 impl<'a> Pair<'a> {
-    pub(super) fn new(camera: &Camera, other: &'a Shot) -> Self {
+    pub(super) fn new(camera: &Camera, other: &'a StereoShot) -> Self {
         // Axes of the pictures: y down, z ahead.
         let flip = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
         let to_other = flip * other.camera.world_from_camera.transpose();

@@ -7,7 +7,7 @@ use glam::DVec2;
 
 use super::pair::Pair;
 use super::plane::{Plane, direction};
-use super::shot::{PATCH, PlaneMap, RADIUS, Shot};
+use super::shot::{PATCH, PlaneMap, RADIUS, StereoShot};
 
 /// The distance between two patches that are swept, in patches along columns and along rows.
 const SWEPT_STRIDE: usize = 3;
@@ -37,8 +37,8 @@ const HALVINGS: usize = 3;
 const STEEPEST: f64 = 0.8;
 
 /// One photograph, and those that it is compared with.
-pub(super) struct Search<'a> {
-    pub(super) shot: &'a Shot,
+pub(super) struct DepthSearch<'a> {
+    pub(super) shot: &'a StereoShot,
     pairs: Vec<Pair<'a>>,
     /// The largest and the least 1/depth that is searched.
     range: [f64; 2],
@@ -46,11 +46,11 @@ pub(super) struct Search<'a> {
     pixels: f64,
 }
 
-impl<'a> Search<'a> {
+impl<'a> DepthSearch<'a> {
     /// Compares `shot` with `others`, at depths `nearest` to `farthest`; the scene is at `distance`.
     pub(super) fn new(
-        shot: &'a Shot,
-        others: impl Iterator<Item = &'a Shot>,
+        shot: &'a StereoShot,
+        others: impl Iterator<Item = &'a StereoShot>,
         distance: f64,
         [nearest, farthest]: [f64; 2],
     ) -> Self {

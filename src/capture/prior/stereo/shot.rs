@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::plane::{Plane, direction};
-use crate::dataset::View;
+use crate::dataset::Photograph;
 use strivec_format::geometry::Camera;
 
 /// The longer edge of the pictures that are compared, in pixels, at most.
@@ -22,14 +22,14 @@ pub(super) const MIN_CONTRAST: f32 = 0.012;
 pub(super) type PlaneMap = Vec<Option<Plane>>;
 
 /// A photograph without the distortion of its lens, small and gray.
-pub(super) struct Shot {
+pub(super) struct StereoShot {
     pub(super) camera: Camera,
     /// \[row\]\[column\] luminance; NaN where nothing is known.
     luminance: Vec<f32>,
 }
 
-impl Shot {
-    pub(super) fn new(view: &View) -> Self {
+impl StereoShot {
+    pub(super) fn new(view: &Photograph) -> Self {
         let factor = view.camera.width.max(view.camera.height).div_ceil(LONG_EDGE).max(1);
         let camera = view.camera.downscaled(factor).undistorted();
         let lens = view.camera.downscaled(factor);

@@ -122,7 +122,7 @@ impl Machine<'_> {
         Ok(range)
     }
 
-    fn malformed(&self, expected: &str, found: impl ToString) -> Fault {
+    fn malformed(&self, expected: &str, found: impl std::fmt::Display) -> Fault {
         Fault::malformed(format!("byte {} of {}", self.instruction, self.name), expected, found)
     }
 }

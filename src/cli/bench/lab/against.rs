@@ -6,7 +6,7 @@ use super::Spread;
 
 /// Measurements of this build and another, taken in turns.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Comparison {
+pub struct BuildComparison {
     /// This build's times.
     pub this: Spread,
     /// The other build's times.
@@ -17,7 +17,7 @@ pub struct Comparison {
     pub rounds: Spread,
 }
 
-impl Comparison {
+impl BuildComparison {
     /// Compares positive measurements; round i is `this[i]` and `other[i]`. `None` for no rounds, or lists of different
     /// lengths.
     pub fn of(this: &[f64], other: &[f64]) -> Option<Self> {
@@ -78,15 +78,15 @@ mod tests {
     #[test]
     fn a_planted_slowdown_is_found_and_fails_the_check() {
         let [this, other] = planted(9, 1.2);
-        let slower = Comparison::of(&this, &other).unwrap();
+        let slower = BuildComparison::of(&this, &other).unwrap();
         assert!((slower.ratio - 1.2).abs() < 0.04, "{slower:?}");
         assert!(slower.is_above(1.05) && !slower.is_above(1.3));
         assert!(slower.rounds.range[0] > 1.15 && slower.rounds.range[1] < 1.25, "{slower:?}");
 
         let [this, other] = planted(9, 1.0);
-        let equal = Comparison::of(&this, &other).unwrap();
+        let equal = BuildComparison::of(&this, &other).unwrap();
         assert!(!equal.is_above(1.05), "{equal:?}");
-        assert!(Comparison::of(&other, &other).unwrap().ratio == 1.0);
+        assert!(BuildComparison::of(&other, &other).unwrap().ratio == 1.0);
     }
 
     #[test]
@@ -102,8 +102,8 @@ mod tests {
 
     #[test]
     fn what_cannot_be_compared_is_refused() {
-        assert_eq!(Comparison::of(&[], &[]), None);
-        assert_eq!(Comparison::of(&[1.0], &[1.0, 2.0]), None);
-        assert!(Comparison::of(&[0.0], &[0.0]).unwrap().is_above(1.05));
+        assert_eq!(BuildComparison::of(&[], &[]), None);
+        assert_eq!(BuildComparison::of(&[1.0], &[1.0, 2.0]), None);
+        assert!(BuildComparison::of(&[0.0], &[0.0]).unwrap().is_above(1.05));
     }
 }

@@ -7,7 +7,7 @@
 
 use glam::{DVec3, UVec3};
 
-use strivec_capture::dataset::{Pixels, View};
+use strivec_capture::dataset::{Photograph, Pixels};
 use strivec_capture::prior;
 use strivec_capture::prior::{ScaleShape, VoxelBoxes};
 use strivec_format::geometry::{Aabb, Camera, Lattice, Similarity};
@@ -68,13 +68,13 @@ pub fn ball(config: &TrainConfig, upsampled: usize) -> Result<Scene, PrepareErro
 }
 
 /// `count` gray photographs of `size`×`size` pixels around the ball. The time of a step does not depend on their colors.
-pub fn ball_views(count: u32, size: u32) -> Vec<View> {
+pub fn ball_views(count: u32, size: u32) -> Vec<Photograph> {
     (0..count)
         .map(|n| {
             let (sin, cos) = (std::f64::consts::TAU * f64::from(n) / f64::from(count)).sin_cos();
             let position = DISTANCE * DVec3::new(0.8 * cos, 0.8 * sin, 0.6);
             let camera = Camera::looking_at([size; 2], FOCAL * f64::from(size), position, DVec3::ZERO, DVec3::Z);
-            View::new(n.to_string(), camera, Pixels::opaque(vec![[0.5; 3]; size as usize * size as usize]))
+            Photograph::new(n.to_string(), camera, Pixels::opaque(vec![[0.5; 3]; size as usize * size as usize]))
         })
         .collect()
 }

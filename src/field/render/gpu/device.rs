@@ -5,7 +5,7 @@ use std::task::{Poll, Waker};
 
 use super::error::GpuError;
 use super::packed::BufferLimits;
-use super::shader::{CHUNK_SHIFT, Extensions, Shape, Stage, TEXTURE_SHIFT};
+use super::shader::{CHUNK_SHIFT, Extensions, ShaderShape, ShaderStage, TEXTURE_SHIFT};
 
 /// An open device.
 #[derive(Clone, Debug)]
@@ -136,7 +136,7 @@ impl Gpu {
     }
 
     /// The compute pipeline of `stage` for scenes of `shape`.
-    pub(super) fn pipeline(&self, stage: Stage, shape: &Shape) -> wgpu::ComputePipeline {
+    pub(super) fn pipeline(&self, stage: ShaderStage, shape: &ShaderShape) -> wgpu::ComputePipeline {
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(stage.name()),
             source: wgpu::ShaderSource::Wgsl(stage.source(shape).into()),

@@ -3,9 +3,9 @@
 use super::device::{Gpu, Mapping};
 use super::error::GpuError;
 use super::job::{Drawing, InFlightBatch, Job};
-use super::layout::{Counters, Frame};
+use super::layout::{Counters, FrameUniforms};
 use super::renderer::{GpuRenderer, SceneBuffer};
-use super::shader::{COMPACT_LANES, FIRST_CHUNK, RAY_LANES, Stage};
+use super::shader::{COMPACT_LANES, FIRST_CHUNK, RAY_LANES, ShaderStage};
 
 /// The most strides of a ray over all passes: twice the samples that a valid scene allows.
 const MAX_STRIDES: u64 = 1 << 21;
@@ -80,7 +80,7 @@ impl GpuRenderer {
         let Gpu { device, queue, .. } = &self.gpu;
         let work = &self.workspace;
         let strides = self.strides;
-        let frame = Frame { first_ray: job.done, ray_count, blocks: work.blocks(), strides, ..job.frame };
+        let frame = FrameUniforms { first_ray: job.done, ray_count, blocks: work.blocks(), strides, ..job.frame };
         // Rays of a camera are made on the device.
         let given = job.given.get(job.done as usize..(job.done + ray_count) as usize).unwrap_or_default();
         queue.write_buffer(&work.frame, 0, bytemuck::bytes_of(&frame));
@@ -88,10 +88,10 @@ impl GpuRenderer {
         let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.clear_buffer(&work.counters, 0, None);
         let queries = (!self.times.is_empty()).then(|| work.queries(&self.gpu));
-        for (index, (&stage, pipeline)) in Stage::ALL.iter().zip(&self.pipelines).enumerate() {
+        for (index, (&stage, pipeline)) in ShaderStage::ALL.iter().zip(&self.pipelines).enumerate() {
             let is_skipped = match stage {
-                Stage::Rays => !given.is_empty(),
-                Stage::Normals => !self.has_normals,
+                ShaderStage::Rays => !given.is_empty(),
+                ShaderStage::Normals => !self.has_normals,
                 _ => false,
             };
             if is_skipped {
@@ -107,17 +107,17 @@ impl GpuRenderer {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(0, &self.bind_group(stage, pipeline), &[]);
             match stage {
-                Stage::Rays | Stage::Resolve | Stage::Normals => {
+                ShaderStage::Rays | ShaderStage::Resolve | ShaderStage::Normals => {
                     pass.dispatch_workgroups(ray_count.div_ceil(RAY_LANES), 1, 1);
                 }
-                Stage::March => {
+                ShaderStage::March => {
                     // All passes in one submission: the host need not wait to learn which rays are unfinished.
                     (0..self.passes).for_each(|_| pass.dispatch_workgroups(ray_count.div_ceil(RAY_LANES), 1, 1));
                 }
-                Stage::Compact => pass.dispatch_workgroups(ray_count.div_ceil(COMPACT_LANES), 1, 1),
-                Stage::Workgroups => pass.dispatch_workgroups(1, 1, 1),
+                ShaderStage::Compact => pass.dispatch_workgroups(ray_count.div_ceil(COMPACT_LANES), 1, 1),
+                ShaderStage::Workgroups => pass.dispatch_workgroups(1, 1, 1),
                 // The number of shaded samples is known on the device alone.
-                Stage::Decoder => pass.dispatch_workgroups_indirect(&work.workgroups, 0),
+                ShaderStage::Decoder => pass.dispatch_workgroups_indirect(&work.workgroups, 0),
             }
         }
         encoder.copy_buffer_to_buffer(&work.counters, 0, &work.counters_back, 0, None);
@@ -128,7 +128,7 @@ impl GpuRenderer {
         InFlightBatch { rays: ray_count, mapping: Mapping::new(&work.counters_back) }
     }
 
-    fn bind_group(&self, stage: Stage, pipeline: &wgpu::ComputePipeline) -> wgpu::BindGroup {
+    fn bind_group(&self, stage: ShaderStage, pipeline: &wgpu::ComputePipeline) -> wgpu::BindGroup {
         let work = &self.workspace;
         let (bindings, reads_scene) = stage.bindings();
         let buffer = |binding: u32| match binding {

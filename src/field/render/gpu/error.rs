@@ -1,6 +1,6 @@
 //! Errors of rendering on a graphics device.
 
-use crate::render::ApproximationError;
+use strivec_format::Invalid;
 
 /// Errors of a graphics device, by who must act.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -24,5 +24,5 @@ pub enum GpuError {
     },
     /// An approximation that is invalid for the scene or the device (caller).
     #[error(transparent)]
-    Approximation(#[from] ApproximationError),
+    Approximation(#[from] Invalid),
 }

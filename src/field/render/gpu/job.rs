@@ -1,7 +1,7 @@
 //! The state of a picture that is drawn batch by batch.
 
 use super::device::Mapping;
-use super::layout::{Frame, Ray};
+use super::layout::{FrameUniforms, Ray};
 
 /// The progress of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +21,7 @@ pub enum Drawing {
 #[derive(Debug)]
 pub(super) struct Job {
     /// The uniforms that all batches have in common.
-    pub(super) frame: Frame,
+    pub(super) frame: FrameUniforms,
     /// The rays, if they are given instead of a camera.
     pub(super) given: Vec<Ray>,
     pub(super) rays: u32,
@@ -40,7 +40,7 @@ pub(super) struct InFlightBatch {
 }
 
 impl Job {
-    pub(super) fn new(frame: Frame, rays: u32, given: Vec<Ray>, batch_rays: u32) -> Self {
+    pub(super) fn new(frame: FrameUniforms, rays: u32, given: Vec<Ray>, batch_rays: u32) -> Self {
         Self { frame, given, rays, done: 0, batch_rays, in_flight: None }
     }
 

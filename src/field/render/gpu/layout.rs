@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 /// One scale of the scene.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Scale {
+pub(super) struct PackedScale {
     pub(super) min: [f32; 3],
     pub(super) top_k: u32,
     pub(super) cells_per_unit: [f32; 3],
@@ -27,7 +27,7 @@ pub(super) struct Scale {
 /// A fully connected layer.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Layer {
+pub(super) struct PackedLayer {
     pub(super) inputs: u32,
     pub(super) output_quads: u32,
     pub(super) weights: u32,
@@ -65,7 +65,7 @@ pub(super) struct SceneHead {
 /// The uniforms of a batch of rays.
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Frame {
+pub(super) struct FrameUniforms {
     pub(super) position: [f32; 3],
     pub(super) width: u32,
     pub(super) right: [f32; 3],
@@ -139,20 +139,20 @@ pub(super) struct PixelPair {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::gpu::shader::{Shape, Stage};
+    use crate::render::gpu::shader::{ShaderShape, ShaderStage};
     use crate::render::gpu::testing::assert_same_layout;
 
     #[test]
     fn scene_structs_have_the_shaders_layout() {
-        let shape = Shape { sky_degree: 3, ..Shape::default() };
-        let source = &Stage::March.source(&shape);
+        let shape = ShaderShape { sky_degree: 3, ..ShaderShape::default() };
+        let source = &ShaderStage::March.source(&shape);
         #[rustfmt::skip]
         assert_same_layout!(
-            source, "Scale", Scale,
+            source, "Scale", PackedScale,
             min, top_k, cells_per_unit, lists, cells, starts, half_edge, candidates, factor_cells_per_unit,
             tensors, last_cell, has_matrices, first_row, first_quads
         );
-        assert_same_layout!(source, "Layer", Layer, inputs, output_quads, weights, bias);
+        assert_same_layout!(source, "Layer", PackedLayer, inputs, output_quads, weights, bias);
         #[rustfmt::skip]
         let (more, size) = assert_same_layout!(
             source, "Scene", SceneHead,
@@ -160,17 +160,18 @@ mod tests {
             min_transmittance, appearance, grid_masks, grid_distances, grid_min, shell, grid_cells_per_unit,
             grid_cells, own_min_weight, grid_bricks, own_min_transmittance
         );
-        let [head, layer, scale] = [size_of::<SceneHead>(), size_of::<Layer>(), size_of::<Scale>()].map(|b| b as u32);
+        let [head, layer, scale] =
+            [size_of::<SceneHead>(), size_of::<PackedLayer>(), size_of::<PackedScale>()].map(|b| b as u32);
         let expected = head + layer * shape.layers + scale * shape.scales + 16 * shape.sky_terms();
         assert_eq!((more, size), (3, expected), "layers, scales and the sky follow");
     }
 
     #[test]
     fn batch_structs_have_the_shaders_layout() {
-        let source = &Stage::March.source(&Shape::default());
+        let source = &ShaderStage::March.source(&ShaderShape::default());
         #[rustfmt::skip]
         assert_same_layout!(
-            source, "Frame", Frame,
+            source, "Frame", FrameUniforms,
             position, width, right, height, up, first_ray, back, ray_count, focal, principal, rays_are_given, blocks, strides,
             opaque_zero
         );
@@ -193,7 +194,7 @@ mod tests {
             weights: u32,
             bias: u32,
         }
-        let source = &Stage::March.source(&Shape::default());
+        let source = &ShaderStage::March.source(&ShaderShape::default());
         assert_same_layout!(source, "Layer", Swapped, inputs, output_quads, weights, bias);
     }
 }

@@ -1,7 +1,7 @@
 //! Rendering on a graphics device, through the shaders in `shaders/`.
 //!
 //! In: a scene and an open device. Out: pictures that agree with the reference's, with positions within
-//! [`POSITION_ERROR`]. A batch of rays passes through a sequence of compute stages (`shader::Stage`). The host sets the
+//! [`POSITION_ERROR`]. A batch of rays passes through a sequence of compute stages (`shader::ShaderStage`). The host sets the
 //! number of rays, and checks afterwards whether the batch's samples fit the buffers. Waiting is asynchronous;
 //! `blocking` (native only) waits on the calling thread.
 

@@ -1,8 +1,8 @@
 //! A scene as the shaders read it: one array of quads, and the indices of everything in it.
 
 use super::error::GpuError;
-use super::layout::{Layer, Scale, SceneHead};
-use super::shader::{Extensions, Precision, Shape, TEXTURE_SHIFT};
+use super::layout::{PackedLayer, PackedScale, SceneHead};
+use super::shader::{Extensions, Precision, ShaderShape, TEXTURE_SHIFT};
 use crate::render::approximation::OwnThresholds;
 use crate::{Dense, Field, FieldFactors, FieldScale, FieldSky};
 use strivec_format::model::Form;
@@ -17,7 +17,7 @@ pub(super) struct BufferLimits {
     /// Bytes of workgroup memory.
     pub(super) workgroup_bytes: u32,
     pub(super) extensions: Extensions,
-    /// See [`Shape::is_software`].
+    /// See [`ShaderShape::is_software`].
     pub(super) is_software: bool,
     /// The most rows of a texture.
     pub(super) texture_rows: u32,
@@ -25,7 +25,7 @@ pub(super) struct BufferLimits {
 
 /// A scene, packed for a device.
 pub(super) struct Packed {
-    pub(super) shape: Shape,
+    pub(super) shape: ShaderShape,
     /// The bytes of the uniform `scene`: head, layers, scales, sky.
     pub(super) scene: Vec<u8>,
     /// The scene buffer; a multiple of four words.
@@ -47,7 +47,7 @@ impl Packed {
         let has_matrices = field.scales.iter().any(|scale| scale.density.iter().any(|block| block.form() != Form::Cp));
         // Scenes of three vectors alone have one block a scale, and shaders without branches for others.
         let blocks = if has_matrices { 3 } else { 1 };
-        let scales: Vec<Scale> = (field.scales.iter())
+        let scales: Vec<PackedScale> = (field.scales.iter())
             .map(|scale| {
                 let packed = words.scale(scale, precision, blocks, component_quads);
                 component_quads += scale.appearance.iter().map(block_quads).sum::<u32>();
@@ -58,8 +58,8 @@ impl Packed {
         let [grid_masks, grid_distances] = cells
             .map_or([0; 2], |cells| [halves(&cells.masks), fours(&cells.distances)].map(|packed| words.push(&packed)));
         let appearance = words.appearance(field, component_quads);
-        let layers: Vec<Layer> = field.decoder.layers.iter().map(|layer| words.layer(layer)).collect();
-        let shape = Shape {
+        let layers: Vec<PackedLayer> = field.decoder.layers.iter().map(|layer| words.layer(layer)).collect();
+        let shape = ShaderShape {
             chunks: (words.quads().div_ceil(1 << limits.chunk_shift)).max(1) as u32,
             component_quads,
             blocks: blocks as u32,
@@ -86,12 +86,12 @@ fn shape_of(
     field: &Field<f32>,
     precision: Precision,
     limits: BufferLimits,
-    scales: &[Scale],
-    layers: &[Layer],
-) -> Shape {
+    scales: &[PackedScale],
+    layers: &[PackedLayer],
+) -> ShaderShape {
     let decoder = &field.decoder;
     let feature_quads = decoder.features.div_ceil(4) as u32;
-    Shape {
+    ShaderShape {
         precision,
         extensions: limits.extensions,
         is_software: limits.is_software,
@@ -159,7 +159,7 @@ fn sky_of(field: &Field<f32>) -> Vec<[f32; 4]> {
 }
 
 /// Checks that the scene buffer and the decoder's tile are within `limits`.
-fn check_limits(shape: &Shape, words: &Words, limits: BufferLimits) -> Result<(), GpuError> {
+fn check_limits(shape: &ShaderShape, words: &Words, limits: BufferLimits) -> Result<(), GpuError> {
     let most_quads = if limits.is_software {
         u64::from(limits.texture_rows) << TEXTURE_SHIFT
     } else {
@@ -243,7 +243,7 @@ impl Words {
 
     /// Appends the candidate lists and factors of `scale`, whose first appearance quad is `first_quad`, for so many `blocks` of a
     /// scale.
-    fn scale(&mut self, scale: &FieldScale<f32>, precision: Precision, blocks: usize, first_quad: u32) -> Scale {
+    fn scale(&mut self, scale: &FieldScale<f32>, precision: Precision, blocks: usize, first_quad: u32) -> PackedScale {
         let index = scale.index();
         let (min, cells_per_unit, cells) = index.grid();
         let lists = self.push(index.lists());
@@ -273,7 +273,7 @@ impl Words {
         }
         let vertices = scale.vertices();
         let [x, y, _] = scale.resolution.map(|cells| cells + 1);
-        Scale {
+        PackedScale {
             min,
             top_k: scale.top_k() as u32,
             cells_per_unit,
@@ -294,7 +294,7 @@ impl Words {
     }
 
     /// Appends a layer's weights, \[input\]\[output\], and bias, with outputs padded to quads.
-    fn layer(&mut self, layer: &Dense<f32>) -> Layer {
+    fn layer(&mut self, layer: &Dense<f32>) -> PackedLayer {
         let output_quads = layer.outputs.div_ceil(4);
         // Transposed and padded, so that a lane reads four outputs' weights of an input at once.
         let mut transposed = vec![0.0; layer.inputs * 4 * output_quads];
@@ -305,7 +305,7 @@ impl Words {
         }
         let mut bias = layer.bias.clone();
         bias.resize(4 * output_quads, 0.0);
-        Layer {
+        PackedLayer {
             inputs: layer.inputs as u32,
             output_quads: output_quads as u32,
             weights: self.push_floats(&transposed) / 4,

@@ -3,9 +3,9 @@
 use super::device::Gpu;
 use super::error::GpuError;
 use super::job::{Drawing, Job};
-use super::layout::{Frame, PixelPair, Ray as DeviceRay, SceneHead};
+use super::layout::{FrameUniforms, PixelPair, Ray as DeviceRay, SceneHead};
 use super::packed::{BufferLimits, Packed};
-use super::shader::{Precision, RAY_LANES, Stage, TILE};
+use super::shader::{Precision, RAY_LANES, ShaderStage, TILE};
 use super::workspace::{StageTime, Workspace};
 use crate::Field;
 use crate::render::{Approximation, Picture, Pixel};
@@ -83,7 +83,7 @@ impl GpuRenderer {
     ) -> Result<Self, GpuError> {
         approximation.check(&scene)?;
         let own = approximation.reduce(&mut scene);
-        let field = Field::<f32>::taking(&mut scene);
+        let field = Field::<f32>::from_scene(&mut scene);
         let packed = Packed::new(&field, &own, precision, limits)?;
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let scene = gpu.upload("scene", &packed.scene, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
@@ -93,7 +93,7 @@ impl GpuRenderer {
             let chunks = packed.words.chunks(4 << limits.chunk_shift);
             SceneBuffer::Chunks(chunks.map(|words| gpu.upload("quads", bytemuck::cast_slice(words), storage)).collect())
         };
-        let pipelines = Stage::ALL.map(|stage| gpu.pipeline(stage, &packed.shape)).into();
+        let pipelines = ShaderStage::ALL.map(|stage| gpu.pipeline(stage, &packed.shape)).into();
         // Software devices end long loops early; others march a ray in one pass.
         let strides = match gpu.info().device_type {
             wgpu::DeviceType::Cpu => (MAX_ITERATIONS / packed.iterations_per_sample).max(1),
@@ -139,7 +139,7 @@ impl GpuRenderer {
     /// The errors of [`GpuRenderer::render_async`].
     pub async fn render_timed_async(&mut self, camera: &Camera) -> Result<(Picture, Vec<StageTime>), GpuError> {
         if self.gpu.has_timestamps() {
-            self.times = Stage::ALL.map(|s| StageTime { name: s.name(), milliseconds: 0.0 }).into();
+            self.times = ShaderStage::ALL.map(|s| StageTime { name: s.name(), milliseconds: 0.0 }).into();
         }
         let picture = self.render_async(camera).await;
         let times = std::mem::take(&mut self.times);
@@ -162,7 +162,7 @@ impl GpuRenderer {
         self.abandon();
         let count = rays.len();
         self.reserve(count as u64, count as u64)?;
-        let frame = Frame { rays_are_given: 1, ..Frame::default() };
+        let frame = FrameUniforms { rays_are_given: 1, ..FrameUniforms::default() };
         self.job = Some(Job::new(frame, count as u32, rays, self.workspace.batch_rays()));
         Ok(())
     }
@@ -186,7 +186,7 @@ impl GpuRenderer {
         let rays = tiles * u64::from(TILE * TILE);
         self.reserve(rays, u64::from(camera.width) * u64::from(camera.height))?;
         let axis = |column: usize| camera.world_from_camera.col(column).to_array().map(|v| v as f32);
-        let frame = Frame {
+        let frame = FrameUniforms {
             // Relative to the origin in f64, then rounded: a scene's place in the world costs no precision
             // (docs/numerics.md).
             position: (camera.position - self.origin).to_array().map(|v| v as f32),
@@ -197,7 +197,7 @@ impl GpuRenderer {
             back: axis(2),
             focal: camera.focal.map(|v| v as f32),
             principal: camera.principal.map(|v| v as f32),
-            ..Frame::default()
+            ..FrameUniforms::default()
         };
         self.job = Some(Job::new(frame, rays as u32, Vec::new(), self.workspace.batch_rays()));
         Ok(())

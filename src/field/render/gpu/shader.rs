@@ -47,7 +47,7 @@ pub(super) struct Extensions {
 
 /// The parameters that shaders are generated for.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Shape {
+pub(super) struct ShaderShape {
     pub(super) precision: Precision,
     pub(super) extensions: Extensions,
     /// True for a software device: the scene buffer is a texture, which such devices read several times as fast, and each
@@ -86,7 +86,7 @@ pub(super) struct Shape {
     pub(super) workgroup_bytes: u32,
 }
 
-impl Shape {
+impl ShaderShape {
     /// Quads of the sky's coefficients.
     pub(super) fn sky_terms(&self) -> u32 {
         Sky::terms(self.sky_degree) as u32
@@ -212,7 +212,7 @@ impl Shape {
 
 /// The stages of a batch, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Stage {
+pub(super) enum ShaderStage {
     Rays,
     March,
     Compact,
@@ -223,7 +223,7 @@ pub(super) enum Stage {
     Normals,
 }
 
-impl Stage {
+impl ShaderStage {
     pub(super) const ALL: [Self; 7] =
         [Self::Rays, Self::March, Self::Compact, Self::Workgroups, Self::Decoder, Self::Resolve, Self::Normals];
 
@@ -241,7 +241,7 @@ impl Stage {
     }
 
     /// The shader's files after the prelude.
-    fn files(self, shape: &Shape) -> &'static [&'static str] {
+    fn files(self, shape: &ShaderShape) -> &'static [&'static str] {
         use strivec_shaders::{
             CELLS, COMPACT, COMPACT_ALLOC, COMPACT_ALLOC_SUBGROUP, COMPONENTS_BY_LANE, COMPONENTS_BY_TILE, DECODER,
             DENSITY, GATHER, LAYOUT, MARCH, NEIGHBORS, NORMALS, PATH, RAY_MARCHER, RAYS, REAL, RESOLVE, SCENE_BUFFER,
@@ -280,13 +280,13 @@ impl Stage {
     }
 
     /// The complete shader for scenes of `shape`.
-    pub(super) fn source(self, shape: &Shape) -> String {
+    pub(super) fn source(self, shape: &ShaderShape) -> String {
         shape.prelude() + &self.files(shape).join("\n")
     }
 }
 
 #[cfg(test)]
-impl Default for Shape {
+impl Default for ShaderShape {
     /// The paper's configuration.
     fn default() -> Self {
         Self {
@@ -325,17 +325,17 @@ mod tests {
     use super::*;
     use crate::render::gpu::testing::validated;
 
-    fn shapes() -> Vec<Shape> {
-        let paper = Shape::default();
+    fn shapes() -> Vec<ShaderShape> {
+        let paper = ShaderShape::default();
         let both = Extensions { f16: true, subgroups: true };
         vec![
-            Shape { precision: Precision::F16, chunks: 3, ..paper.clone() },
-            Shape { precision: Precision::F16, extensions: both, ..paper.clone() },
-            Shape { extensions: both, decoder_mode: DecoderMode::Residual, ..paper.clone() },
-            Shape { decoder_mode: DecoderMode::PerRay, ..paper.clone() },
-            Shape { is_software: true, ..paper.clone() },
-            Shape { is_software: true, decoder_mode: DecoderMode::Residual, blocks: 3, ..paper.clone() },
-            Shape {
+            ShaderShape { precision: Precision::F16, chunks: 3, ..paper.clone() },
+            ShaderShape { precision: Precision::F16, extensions: both, ..paper.clone() },
+            ShaderShape { extensions: both, decoder_mode: DecoderMode::Residual, ..paper.clone() },
+            ShaderShape { decoder_mode: DecoderMode::PerRay, ..paper.clone() },
+            ShaderShape { is_software: true, ..paper.clone() },
+            ShaderShape { is_software: true, decoder_mode: DecoderMode::Residual, blocks: 3, ..paper.clone() },
+            ShaderShape {
                 is_software: true,
                 precision: Precision::F16,
                 extensions: both,
@@ -343,12 +343,12 @@ mod tests {
                 appearance_reduction: Reduction::Mean,
                 ..paper.clone()
             },
-            Shape { contracted: true, ..paper.clone() },
-            Shape { blocks: 3, ..paper.clone() },
-            Shape { sky_degree: 1, ..paper.clone() },
-            Shape { sky_degree: 4, decoder_mode: DecoderMode::PerRay, ..paper.clone() },
-            Shape { decoder_mode: DecoderMode::Residual, density_reduction: Reduction::Mean, ..paper.clone() },
-            Shape {
+            ShaderShape { contracted: true, ..paper.clone() },
+            ShaderShape { blocks: 3, ..paper.clone() },
+            ShaderShape { sky_degree: 1, ..paper.clone() },
+            ShaderShape { sky_degree: 4, decoder_mode: DecoderMode::PerRay, ..paper.clone() },
+            ShaderShape { decoder_mode: DecoderMode::Residual, density_reduction: Reduction::Mean, ..paper.clone() },
+            ShaderShape {
                 scales: 1,
                 top_k: 16,
                 layers: 1,
@@ -358,13 +358,13 @@ mod tests {
                 has_grid: false,
                 ..paper.clone()
             },
-            Shape {
+            ShaderShape {
                 coverage: Coverage::Any,
                 appearance_reduction: Reduction::Mean,
                 aggregation: Aggregation::Clamped,
                 ..paper.clone()
             },
-            Shape {
+            ShaderShape {
                 feature_frequencies: 0,
                 direction_frequencies: 0,
                 features: 3,
@@ -379,19 +379,19 @@ mod tests {
     #[test]
     fn every_shader_is_valid_for_every_shape() {
         for shape in shapes() {
-            for stage in Stage::ALL {
+            for stage in ShaderStage::ALL {
                 let source = stage.source(&shape);
                 validated(&source).unwrap_or_else(|e| panic!("{}: {e}\n{shape:?}", stage.name()));
             }
         }
-        let broken = Stage::March.source(&Shape::default()).replace("fn advance", "fn advanced");
+        let broken = ShaderStage::March.source(&ShaderShape::default()).replace("fn advance", "fn advanced");
         assert!(validated(&broken).is_err());
     }
 
     #[test]
     fn stages_use_their_bindings_and_at_most_four_storage_buffers() {
-        let both = [false, true].map(|is_software| Shape { is_software, ..Shape::default() });
-        for (shape, stage) in both.iter().flat_map(|shape| Stage::ALL.map(|stage| (shape, stage))) {
+        let both = [false, true].map(|is_software| ShaderShape { is_software, ..ShaderShape::default() });
+        for (shape, stage) in both.iter().flat_map(|shape| ShaderStage::ALL.map(|stage| (shape, stage))) {
             let (module, info) = validated(&stage.source(shape)).unwrap();
             let used = |(handle, global): (naga::Handle<naga::GlobalVariable>, &naga::GlobalVariable)| {
                 let used = !info.get_entry_point(0)[handle].is_empty();
@@ -428,7 +428,7 @@ mod tests {
     #[test]
     fn the_decoder_fits_in_workgroup_memory() {
         for shape in shapes() {
-            let (module, _) = validated(&Stage::Decoder.source(&shape)).unwrap();
+            let (module, _) = validated(&ShaderStage::Decoder.source(&shape)).unwrap();
             let mut layouter = naga::proc::Layouter::default();
             layouter.update(module.to_ctx()).unwrap();
             let bytes: u32 = (module.global_variables.iter())
@@ -438,10 +438,10 @@ mod tests {
             let rows = shape.rows().unwrap();
             assert!(bytes <= shape.bytes_for(rows) + 64 && bytes <= shape.workgroup_bytes, "{bytes} for {rows} rows");
         }
-        assert_eq!(Shape::default().rows(), Some(16));
+        assert_eq!(ShaderShape::default().rows(), Some(16));
         let halves = Extensions { f16: true, subgroups: false };
-        let half = Shape { precision: Precision::F16, extensions: halves, ..Shape::default() };
+        let half = ShaderShape { precision: Precision::F16, extensions: halves, ..ShaderShape::default() };
         assert_eq!(half.rows(), Some(16));
-        assert_eq!(Shape { component_quads: 10_000, ..Shape::default() }.rows(), None);
+        assert_eq!(ShaderShape { component_quads: 10_000, ..ShaderShape::default() }.rows(), None);
     }
 }

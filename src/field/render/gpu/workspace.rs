@@ -2,8 +2,8 @@
 
 use super::device::Gpu;
 use super::error::GpuError;
-use super::layout::{Counters, Frame, PixelPair, Ray};
-use super::shader::{RAY_LANES, SLOTS, Stage};
+use super::layout::{Counters, FrameUniforms, PixelPair, Ray};
+use super::shader::{RAY_LANES, SLOTS, ShaderStage};
 
 /// Blocks of shaded samples per ray of a batch. Rays that hit something have about 40 shaded samples, seven to a block.
 const BLOCKS_PER_RAY: u32 = 8;
@@ -60,12 +60,12 @@ impl Workspace {
     pub(super) fn new(gpu: &Gpu, batch_rays: u32, pixels: u64) -> Self {
         use wgpu::BufferUsages as Usage;
         let blocks = blocks_for(batch_rays);
-        let times = 8 * 2 * Stage::ALL.len() as u64;
+        let times = 8 * 2 * ShaderStage::ALL.len() as u64;
         let storage = Usage::STORAGE | Usage::COPY_DST;
         let back = Usage::MAP_READ | Usage::COPY_DST;
         Self {
             batch_rays,
-            frame: gpu.buffer("frame", size_of::<Frame>() as u64, Usage::UNIFORM | Usage::COPY_DST),
+            frame: gpu.buffer("frame", size_of::<FrameUniforms>() as u64, Usage::UNIFORM | Usage::COPY_DST),
             rays: gpu.buffer("rays", u64::from(batch_rays) * size_of::<Ray>() as u64, storage),
             slots: gpu.buffer("slots", u64::from(blocks * SLOTS * SLOT_BYTES), storage),
             // One slot of a block holds the number of the next block.
@@ -101,12 +101,12 @@ impl Workspace {
         gpu.device.create_query_set(&wgpu::QuerySetDescriptor {
             label: Some("times"),
             ty: wgpu::QueryType::Timestamp,
-            count: 2 * Stage::ALL.len() as u32,
+            count: 2 * ShaderStage::ALL.len() as u32,
         })
     }
 
     pub(super) fn resolve_queries(&self, encoder: &mut wgpu::CommandEncoder, set: &wgpu::QuerySet) {
-        encoder.resolve_query_set(set, 0..2 * Stage::ALL.len() as u32, &self.times, 0);
+        encoder.resolve_query_set(set, 0..2 * ShaderStage::ALL.len() as u32, &self.times, 0);
         encoder.copy_buffer_to_buffer(&self.times, 0, &self.times_back, 0, None);
     }
 

@@ -30,7 +30,7 @@ pub(in crate::container) fn decompress(
         return Err(Error::malformed(place, "a zstd frame", hex(&bytes[..bytes.len().min(4)])));
     };
     super::check_window(place, bytes)?;
-    let Some((header, mut blocks)) = Header::read(frame) else {
+    let Some((header, mut blocks)) = ZstdFrameHeader::read(frame) else {
         return Err(Error::malformed(place, "a whole zstd frame", "a damaged header"));
     };
     match header.content {
@@ -59,13 +59,13 @@ pub(in crate::container) fn decompress(
 }
 
 /// The contents of a frame's header (RFC 8878, section 3.1.1.1), and nothing of its window.
-struct Header {
+struct ZstdFrameHeader {
     /// Bytes of the content, where they are declared.
     content: Option<u64>,
     has_checksum: bool,
 }
 
-impl Header {
+impl ZstdFrameHeader {
     /// Reads the header that `frame` has after its magic number; what follows it. `None` where it is cut short, from the
     /// future, or needs a dictionary.
     fn read(frame: &[u8]) -> Option<(Self, &[u8])> {

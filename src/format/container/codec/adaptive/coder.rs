@@ -115,7 +115,7 @@ fn is_narrow(width: u64) -> bool {
 }
 
 /// Codes bits into bytes.
-pub(super) struct Encoder {
+pub(super) struct BitEncoder {
     /// The interval: its first number, and how many it has.
     low: u64,
     width: u64,
@@ -123,7 +123,7 @@ pub(super) struct Encoder {
     bytes: Vec<u8>,
 }
 
-impl Encoder {
+impl BitEncoder {
     pub(super) fn new() -> Self {
         Self { low: 0, width: WHOLE, bytes: Vec::new() }
     }
@@ -158,7 +158,7 @@ impl Encoder {
     }
 }
 
-impl Coder for Encoder {
+impl Coder for BitEncoder {
     const DECODES: bool = false;
 
     #[inline(always)]
@@ -185,7 +185,7 @@ impl Coder for Encoder {
 }
 
 /// Reads bits from bytes, and zeros behind them.
-pub(super) struct Decoder<'a> {
+pub(super) struct BitDecoder<'a> {
     /// How many numbers the interval has.
     width: u64,
     /// The number, less the interval's first one.
@@ -195,7 +195,7 @@ pub(super) struct Decoder<'a> {
     read: usize,
 }
 
-impl<'a> Decoder<'a> {
+impl<'a> BitDecoder<'a> {
     /// `place` is that of the bytes.
     pub(super) fn new(bytes: &'a [u8], place: &dyn fmt::Display) -> Result<Self, Error> {
         let mut decoder = Self { width: WHOLE, offset: 0, bytes, read: 0 };
@@ -244,7 +244,7 @@ impl<'a> Decoder<'a> {
     }
 }
 
-impl Coder for Decoder<'_> {
+impl Coder for BitDecoder<'_> {
     const DECODES: bool = true;
 
     #[inline(always)]
@@ -298,7 +298,7 @@ mod tests {
 
     /// `bits` encoded in `contexts` contexts by turns.
     fn encoded(bits: &[bool], contexts: usize) -> Vec<u8> {
-        let (mut encoder, mut counters) = (Encoder::new(), vec![Counter::default(); contexts]);
+        let (mut encoder, mut counters) = (BitEncoder::new(), vec![Counter::default(); contexts]);
         for (n, &bit) in bits.iter().enumerate() {
             assert_eq!(encoder.code_in(bit, &mut counters[n % contexts]), bit);
         }
@@ -306,7 +306,7 @@ mod tests {
     }
 
     fn decoded(bytes: &[u8], count: usize, contexts: usize) -> Result<Vec<bool>, Error> {
-        let (mut decoder, mut counters) = (Decoder::new(bytes, &"X")?, vec![Counter::default(); contexts]);
+        let (mut decoder, mut counters) = (BitDecoder::new(bytes, &"X")?, vec![Counter::default(); contexts]);
         let bits = (0..count).map(|n| decoder.code_in(false, &mut counters[n % contexts])).collect();
         decoder.finish(&"X")?;
         Ok(bits)

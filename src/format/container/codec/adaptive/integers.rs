@@ -3,7 +3,7 @@
 use std::fmt;
 use std::hint::select_unpredictable;
 
-use super::coder::{Coder, Counter, Decoder, Encoder};
+use super::coder::{BitDecoder, BitEncoder, Coder, Counter};
 use crate::container::Error;
 use crate::container::encoding::{Encoding, integers, largest, write_integers};
 
@@ -25,7 +25,7 @@ const LONGEST: u32 = 17;
 
 /// The shape of an array and of the masks before it.
 #[derive(Clone, Debug)]
-pub(in crate::container) struct Shape {
+pub(in crate::container) struct ArrayShape {
     /// Bits of the integers, as in the array's head.
     pub(in crate::container) bits: u8,
     /// Tensors and their rank, if the body begins with masks of the components that they have.
@@ -43,7 +43,7 @@ pub(in crate::container) enum Groups {
     Rows(Vec<usize>),
 }
 
-impl Shape {
+impl ArrayShape {
     /// Bytes of the masks.
     fn mask_bytes(&self) -> usize {
         self.masks.map_or(0, |[tensors, rank]| tensors * rank.div_ceil(8))
@@ -85,11 +85,11 @@ fn count(blocks: &[(usize, &[usize])]) -> [usize; 2] {
 }
 
 /// Codes `body`: the masks, the step codes, and the integers of an array of this shape.
-pub(in crate::container) fn compress(shape: &Shape, body: &[u8]) -> Vec<u8> {
+pub(in crate::container) fn compress(shape: &ArrayShape, body: &[u8]) -> Vec<u8> {
     let (masks, rest) = body.split_at(shape.mask_bytes());
     let blocks = shape.blocks(masks);
     let (steps, numbers) = rest.split_at(count(&blocks)[0]);
-    let mut encoder = Encoder::new();
+    let mut encoder = BitEncoder::new();
     if let Some([_, rank]) = shape.masks {
         code_masks(&mut encoder, rank, &mut masks.to_vec());
     }
@@ -98,7 +98,8 @@ pub(in crate::container) fn compress(shape: &Shape, body: &[u8]) -> Vec<u8> {
     let mut predictor = Predictor::of(&blocks, &all);
     predictor.code(&mut encoder);
     // Only a decoder finds a number that is too large.
-    let _ = Numbers::new(predictor, shape).code(&mut encoder, &blocks, steps, &mut numbers.to_vec(), shape.width());
+    let _ =
+        NumberContexts::new(predictor, shape).code(&mut encoder, &blocks, steps, &mut numbers.to_vec(), shape.width());
     encoder.finish()
 }
 
@@ -106,7 +107,7 @@ pub(in crate::container) fn compress(shape: &Shape, body: &[u8]) -> Vec<u8> {
 /// there is so much.
 pub(in crate::container) fn decompress(
     place: &dyn fmt::Display,
-    shape: &Shape,
+    shape: &ArrayShape,
     length: usize,
     bytes: &[u8],
 ) -> Result<Vec<u8>, Error> {
@@ -114,7 +115,7 @@ pub(in crate::container) fn decompress(
     if length < mask_bytes {
         return Err(Error::malformed(format!("{place} body length"), format!("at least {mask_bytes}"), length));
     }
-    let mut decoder = Decoder::new(bytes, place)?;
+    let mut decoder = BitDecoder::new(bytes, place)?;
     let mut body = vec![0; length];
     let (masks, rest) = body.split_at_mut(mask_bytes);
     if let Some([_, rank]) = shape.masks {
@@ -128,7 +129,7 @@ pub(in crate::container) fn decompress(
     code_steps(&mut decoder, steps);
     let mut predictor = Predictor::default();
     predictor.code(&mut decoder);
-    let result = Numbers::new(predictor, shape).code(&mut decoder, &blocks, steps, numbers, shape.width());
+    let result = NumberContexts::new(predictor, shape).code(&mut decoder, &blocks, steps, numbers, shape.width());
     result.map_err(|TooLarge { largest, group }| {
         Error::malformed(
             format!("{place} integer of group {group}"),
@@ -157,7 +158,7 @@ fn code_masks(coder: &mut impl Coder, rank: usize, masks: &mut [u8]) {
 
 /// Codes step codes, each by its difference to the one before.
 fn code_steps(coder: &mut impl Coder, steps: &mut [u8]) {
-    let mut differences = Differences::default();
+    let mut differences = DifferenceContexts::default();
     let mut before = 0;
     for step in steps {
         before = differences.code(coder, *step, before);
@@ -166,7 +167,7 @@ fn code_steps(coder: &mut impl Coder, steps: &mut [u8]) {
 }
 
 /// Contexts of differences between step codes, by the size of the last one.
-struct Differences {
+struct DifferenceContexts {
     zero: [Counter; 4],
     sign: [Counter; 3],
     /// \[size of the last one\]\[n\] whether the magnitude is larger than n + 1.
@@ -174,13 +175,13 @@ struct Differences {
     last: i32,
 }
 
-impl Default for Differences {
+impl Default for DifferenceContexts {
     fn default() -> Self {
         Self { zero: Default::default(), sign: Default::default(), larger: [[Counter::default(); 127]; 4], last: 0 }
     }
 }
 
-impl Differences {
+impl DifferenceContexts {
     /// The step code, `before` that before it. Differences wrap around, so that every one of them is a step code.
     fn code(&mut self, coder: &mut impl Coder, step: u8, before: u8) -> u8 {
         let difference = i32::from(step.wrapping_sub(before) as i8);
@@ -292,7 +293,7 @@ fn code_unary(coder: &mut impl Coder, magnitude: i32, from: usize, by: [&mut [Co
 }
 
 /// The contexts of numbers.
-struct Numbers {
+struct NumberContexts {
     predictor: Predictor,
     largest: i32,
     /// \[place\]\[class\], and \[step\]\[class\].
@@ -305,8 +306,8 @@ struct Numbers {
     are_rows: bool,
 }
 
-impl Numbers {
-    fn new(predictor: Predictor, shape: &Shape) -> Self {
+impl NumberContexts {
+    fn new(predictor: Predictor, shape: &ArrayShape) -> Self {
         Self {
             predictor,
             largest: largest(shape.bits) as i32,
@@ -460,8 +461,8 @@ mod tests {
         let rows = vec![3, 1, 12, 12, 5];
         for bits in [16, 8, 6, 5, 4, 3] {
             let components =
-                |masks, tensors, blocks| Shape { bits, masks, groups: Groups::Components { tensors, blocks } };
-            let networks = Shape { bits, masks: None, groups: Groups::Rows(rows.clone()) };
+                |masks, tensors, blocks| ArrayShape { bits, masks, groups: Groups::Components { tensors, blocks } };
+            let networks = ArrayShape { bits, masks: None, groups: Groups::Rows(rows.clone()) };
             let masks = vec![0b0000_0101, 0b1, 0b0011_1111, 0b0, 0b0, 0b1];
             for (shape, body) in [
                 (components(None, 5, vec![(8, vec![2, 4, 3])]), body(Vec::new(), 40, 9, bits)),
@@ -485,7 +486,7 @@ mod tests {
 
     #[test]
     fn the_largest_integers_and_steps_are_read_as_written() {
-        let shape = Shape {
+        let shape = ArrayShape {
             bits: 16,
             masks: None,
             groups: Groups::Components { tensors: 2, blocks: vec![(2, vec![2, 2, 2])] },
@@ -501,7 +502,7 @@ mod tests {
     #[test]
     fn noise_never_reads_as_integers_that_are_too_large() {
         let groups = Groups::Components { tensors: 4, blocks: vec![(6, vec![3, 2, 4])] };
-        let shape = Shape { bits: 5, masks: Some([4, 6]), groups };
+        let shape = ArrayShape { bits: 5, masks: Some([4, 6]), groups };
         let random = Random::new(8, "noise of a codec");
         let mut read = 0;
         for n in 0..3000 {
@@ -520,7 +521,7 @@ mod tests {
 
     #[test]
     fn slow_changes_take_a_fraction_of_their_bytes() {
-        let shape = Shape {
+        let shape = ArrayShape {
             bits: 16,
             masks: None,
             groups: Groups::Components { tensors: 40, blocks: vec![(10, vec![20, 20, 20])] },

@@ -6,7 +6,7 @@ mod integers;
 mod occupancy;
 
 pub(in crate::container) use integers::{
-    Groups, Shape, compress as compress_integers, decompress as decompress_integers,
+    ArrayShape, Groups, compress as compress_integers, decompress as decompress_integers,
 };
 pub(in crate::container) use occupancy::{
     compress as compress_occupancy, decompress as decompress_occupancy, memory as memory_of_occupancy,

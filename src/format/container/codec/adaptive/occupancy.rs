@@ -3,7 +3,7 @@
 use std::fmt;
 use std::hint::select_unpredictable;
 
-use super::coder::{Coder, Counter, Decoder, Encoder};
+use super::coder::{BitDecoder, BitEncoder, Coder, Counter};
 use crate::container::Error;
 
 /// Vertices along the edge of a block.
@@ -45,7 +45,7 @@ const SPREAD: [u64; 256] = {
 
 /// The state of a block.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Block {
+enum BlockState {
     /// None is set.
     #[default]
     Empty,
@@ -55,12 +55,12 @@ enum Block {
 }
 
 /// Bits, one for each of the vertices, x fastest, from the lowest bit of the first byte on. Some zeros follow.
-struct Grid {
+struct BitGrid {
     vertices: [usize; 3],
     bits: Vec<u8>,
 }
 
-/// Bytes of zeros behind the bits of a [`Grid`]: what is read beyond the last one.
+/// Bytes of zeros behind the bits of a [`BitGrid`]: what is read beyond the last one.
 const BEHIND: usize = 3;
 
 /// Bytes that coding an occupancy of `vertices` takes besides its bits.
@@ -71,9 +71,9 @@ pub(in crate::container) fn memory(vertices: [u32; 3]) -> u64 {
 
 /// Codes `bits`, one for each of `vertices`, x fastest, from the lowest bit of the first byte on.
 pub(in crate::container) fn compress(vertices: [u32; 3], bits: &[u8]) -> Vec<u8> {
-    let mut grid = Grid::empty(vertices);
+    let mut grid = BitGrid::empty(vertices);
     grid.bits[..bits.len()].copy_from_slice(bits);
-    let mut encoder = Encoder::new();
+    let mut encoder = BitEncoder::new();
     code(&mut encoder, &mut grid);
     encoder.finish()
 }
@@ -84,8 +84,8 @@ pub(in crate::container) fn decompress(
     vertices: [u32; 3],
     bytes: &[u8],
 ) -> Result<Vec<u8>, Error> {
-    let mut grid = Grid::empty(vertices);
-    let mut decoder = Decoder::new(bytes, place)?;
+    let mut grid = BitGrid::empty(vertices);
+    let mut decoder = BitDecoder::new(bytes, place)?;
     code(&mut decoder, &mut grid);
     decoder.finish(place)?;
     grid.bits.truncate(grid.bits.len() - BEHIND);
@@ -94,7 +94,7 @@ pub(in crate::container) fn decompress(
 
 /// Codes the blocks of `grid`, then the vertices of mixed ones, both x fastest. An encoder finds them in `grid`, a decoder sets
 /// them there.
-fn code<C: Coder>(coder: &mut C, grid: &mut Grid) {
+fn code<C: Coder>(coder: &mut C, grid: &mut BitGrid) {
     let counts = grid.vertices.map(|n| n.div_ceil(BLOCK));
     let blocks = code_blocks(coder, grid, counts);
     let mut contexts = Contexts::new();
@@ -109,13 +109,13 @@ fn code<C: Coder>(coder: &mut C, grid: &mut Grid) {
                 let first = ((z / BLOCK) * counts[1] + y / BLOCK) * counts[0];
                 let row = blocks[first..first + counts[0]].iter().copied().enumerate();
                 occupied.clear();
-                occupied.extend(row.filter(|&(_, block)| block != Block::Empty));
+                occupied.extend(row.filter(|&(_, block)| block != BlockState::Empty));
             }
             let rows = grid.rows_around(y, z);
             let mut last = (0, 0);
             for &(x, block) in &occupied {
                 let row = match block {
-                    Block::Full => grid.mask(x),
+                    BlockState::Full => grid.mask(x),
                     _ => {
                         let mut windows = grid.windows(x, &rows);
                         if C::DECODES {
@@ -135,9 +135,9 @@ fn code<C: Coder>(coder: &mut C, grid: &mut Grid) {
 }
 
 /// Codes what each of the `counts` blocks is.
-fn code_blocks<C: Coder>(coder: &mut C, grid: &Grid, counts: [usize; 3]) -> Vec<Block> {
+fn code_blocks<C: Coder>(coder: &mut C, grid: &BitGrid, counts: [usize; 3]) -> Vec<BlockState> {
     let [x_count, y_count, z_count] = counts;
-    let mut blocks = vec![Block::Empty; x_count * y_count * z_count];
+    let mut blocks = vec![BlockState::Empty; x_count * y_count * z_count];
     let (mut is_mixed, mut is_full) = ([Counter::default(); 729], [Counter::default(); 729]);
     for z in 0..z_count {
         for y in 0..y_count {
@@ -148,13 +148,13 @@ fn code_blocks<C: Coder>(coder: &mut C, grid: &Grid, counts: [usize; 3]) -> Vec<
                     let block = before.then(|| blocks[((z - dz) * y_count + y - dy) * x_count + x - dx]);
                     context = 3 * context + block.unwrap_or_default() as usize;
                 }
-                let known = if C::DECODES { Block::Empty } else { grid.block(x, y, z) };
-                let block = if coder.code_in(known == Block::Mixed, &mut is_mixed[context]) {
-                    Block::Mixed
-                } else if coder.code_in(known == Block::Full, &mut is_full[context]) {
-                    Block::Full
+                let known = if C::DECODES { BlockState::Empty } else { grid.block(x, y, z) };
+                let block = if coder.code_in(known == BlockState::Mixed, &mut is_mixed[context]) {
+                    BlockState::Mixed
+                } else if coder.code_in(known == BlockState::Full, &mut is_full[context]) {
+                    BlockState::Full
                 } else {
-                    Block::Empty
+                    BlockState::Empty
                 };
                 blocks[(z * y_count + y) * x_count + x] = block;
             }
@@ -227,7 +227,7 @@ fn alike_around(windows: &[u32; ROWS.len()], own: usize, count: usize) -> Option
     if set == 0 { Some(false) } else { (unset == 0).then_some(true) }
 }
 
-impl Grid {
+impl BitGrid {
     fn empty(vertices: [u32; 3]) -> Self {
         let vertices = vertices.map(|n| n as usize);
         Self { vertices, bits: vec![0; vertices.iter().product::<usize>().div_ceil(8) + BEHIND] }
@@ -265,7 +265,7 @@ impl Grid {
     }
 
     /// The state of block (`x`, `y`, `z`).
-    fn block(&self, x: usize, y: usize, z: usize) -> Block {
+    fn block(&self, x: usize, y: usize, z: usize) -> BlockState {
         let (mut any, mut every) = (false, true);
         for z in BLOCK * z..(BLOCK * z + BLOCK).min(self.vertices[2]) {
             for y in BLOCK * y..(BLOCK * y + BLOCK).min(self.vertices[1]) {
@@ -275,9 +275,9 @@ impl Grid {
             }
         }
         match (any, every) {
-            (false, _) => Block::Empty,
-            (true, true) => Block::Full,
-            (true, false) => Block::Mixed,
+            (false, _) => BlockState::Empty,
+            (true, true) => BlockState::Full,
+            (true, false) => BlockState::Mixed,
         }
     }
 

@@ -1,4 +1,4 @@
-//! Peak signal-to-noise ratio.
+//! Squared differences of pictures, and their peak signal-to-noise ratio.
 
 use super::Error;
 use strivec_format::psnr::psnr_of_mse;
