@@ -217,11 +217,6 @@ impl Screen {
         }
     }
 
-    /// Removes the picture.
-    pub fn clear(&mut self) {
-        self.kept = None;
-    }
-
     /// The camera of the picture; `None` if there is no picture.
     pub fn camera(&self) -> Option<&Camera> {
         self.kept.as_ref().map(|kept| &kept.camera)
