@@ -27,5 +27,6 @@ pub mod digits;
 pub mod escape;
 pub mod geometry;
 pub mod model;
+mod named;
 pub mod psnr;
 pub mod random;
