@@ -83,28 +83,7 @@ mod tests {
     use std::fs;
 
     use super::*;
-
-    #[derive(Default)]
-    struct Corners(Vec<DVec3>);
-
-    impl Visitor for Corners {
-        fn point(&mut self, point: Point) -> Result<(), Fault> {
-            self.0.push(point.position);
-            Ok(())
-        }
-
-        fn triangle(&mut self, corners: [Point; 3]) -> Result<(), Fault> {
-            corners.into_iter().try_for_each(|corner| self.point(corner))
-        }
-
-        fn cell(&mut self, _: &Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
-            Ok(())
-        }
-
-        fn progress(&mut self, _done: u64, _total: u64) -> Result<(), Fault> {
-            Ok(())
-        }
-    }
+    use strivec_import::testing::Seen;
 
     fn scan(text: &str) -> tempfile::TempDir {
         let folder = tempfile::tempdir().unwrap();
@@ -118,16 +97,19 @@ mod tests {
         let folder = scan("axisAlignment = 0 -1 0 3 1 0 0 4 0 0 1 5 0 0 0 1");
         let scan = scan_of(folder.path()).unwrap().unwrap();
         assert_eq!(scan.mesh, folder.path().join("scene0001_00_vh_clean_2.ply"));
-        let mut corners = Corners::default();
+        let mut seen = Seen::default();
         let at = |position| Point { position, color: None };
         let triangle = [at(DVec3::ZERO), at(DVec3::X), at(DVec3::Y)];
-        scan.aligned(&mut corners).triangle(triangle).unwrap();
-        scan.aligned(&mut corners).point(at(DVec3::Z)).unwrap();
-        let expected = [[3.0, 4.0, 5.0], [3.0, 5.0, 5.0], [2.0, 4.0, 5.0], [3.0, 4.0, 6.0]];
-        assert_eq!(corners.0, expected.map(DVec3::from));
+        scan.aligned(&mut seen).triangle(triangle).unwrap();
+        scan.aligned(&mut seen).point(at(DVec3::Z)).unwrap();
+        assert_eq!(
+            seen.triangles[0].map(|corner| corner.position.to_array()),
+            [[3.0, 4.0, 5.0], [3.0, 5.0, 5.0], [2.0, 4.0, 5.0]]
+        );
+        assert_eq!(seen.positions(), [[3.0, 4.0, 6.0]]);
         let far = at(DVec3::splat(f64::MAX));
         let turned = ScanMesh { alignment: DMat4::from_rotation_z(1.0), ..scan };
-        let fault = turned.aligned(&mut corners).point(far).unwrap_err().to_string();
+        let fault = turned.aligned(&mut seen).point(far).unwrap_err().to_string();
         assert!(fault.starts_with("an aligned vertex: expected finite coordinates"), "{fault}");
     }
 

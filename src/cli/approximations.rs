@@ -5,6 +5,7 @@ use std::path::Path;
 use super::Error;
 use super::error::with_flags;
 use super::named_value::one_of;
+use super::numbers::{POSITIVE, in_range};
 use strivec_field::render::{ParetoFront, QualitySelector, RenderSettings};
 use strivec_format::Invalid;
 use strivec_format::container::SceneFile;
@@ -41,18 +42,11 @@ struct QualityArgs {
     #[arg(long, value_name = "NAME")]
     quality: Option<String>,
     /// Use the stored settings with the highest PSNR that reach N pictures a second on the machine that measured them
-    #[arg(long, value_name = "N", value_parser = positive)]
+    #[arg(long, value_name = "N", value_parser = in_range(POSITIVE, "a positive number"))]
     min_fps: Option<f64>,
     /// Use the fastest stored settings with a PSNR of at least DB
-    #[arg(long, value_name = "DB", value_parser = positive)]
+    #[arg(long, value_name = "DB", value_parser = in_range(POSITIVE, "a positive number"))]
     min_psnr: Option<f64>,
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err(format!("{text:?} is not a positive number")),
-    }
 }
 
 impl Approximations {

@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::Error;
+use super::numbers::in_range;
 use strivec_capture::dataset::NamedCamera;
 use strivec_field::render::{MAX_KEYFRAMES_BYTES, read_keyframes};
 use strivec_format::geometry::Camera;
@@ -31,15 +32,9 @@ pub(super) struct CameraPathOptions {
         value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_FRAMES)))]
     frames: Option<u32>,
     /// Frames per second of --path
-    #[arg(long, value_name = "F", default_value_t = FPS, conflicts_with_all = OTHERS, value_parser = fps)]
+    #[arg(long, value_name = "F", default_value_t = FPS, conflicts_with_all = OTHERS,
+        value_parser = in_range(0.1..=240.0, "a number of frames per second from 0.1 to 240"))]
     pub(super) fps: f64,
-}
-
-fn fps(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if (0.1..=240.0).contains(&value) => Ok(value),
-        _ => Err(format!("{text:?} is not a number of frames per second from 0.1 to 240")),
-    }
 }
 
 /// The value of `--path`.

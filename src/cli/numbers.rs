@@ -1,6 +1,19 @@
-//! Arguments of several numbers.
+//! Arguments of one or several numbers.
+
+use std::ops::RangeInclusive;
 
 use strivec_format::geometry::Aabb;
+
+/// All positive numbers.
+pub(super) const POSITIVE: RangeInclusive<f64> = f64::MIN_POSITIVE..=f64::MAX;
+
+/// Reads a number in `range`; anything else is not `what`.
+pub(super) fn in_range(
+    range: RangeInclusive<f64>,
+    what: &'static str,
+) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
+    move |text| text.parse().ok().filter(|value| range.contains(value)).ok_or_else(|| format!("not {what}"))
+}
 
 /// `N` comma-separated finite numbers.
 pub(super) fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {

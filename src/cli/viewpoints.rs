@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use super::camera_path::{CameraPathOptions, Way, numbered};
 use super::dataset::DatasetOptions;
+use super::numbers::{POSITIVE, in_range};
 use super::{Error, picture_size};
 use strivec_capture::dataset;
 use strivec_capture::dataset::NamedCamera;
@@ -38,32 +39,18 @@ pub(super) struct Viewpoints {
     size: Option<[u32; 2]>,
     /// Horizontal field of view of --orbit, --pose and a turntable, 1 to 170 degrees [default: 40; of a circle where
     /// photographs were taken, theirs]
-    #[arg(long, value_name = "DEGREES", conflicts_with = "cameras", value_parser = angle(1.0, 170.0))]
+    #[arg(long, value_name = "DEGREES", conflicts_with = "cameras", value_parser = in_range(1.0..=170.0, "an angle from 1 to 170 degrees"))]
     fov: Option<f64>,
     /// Elevation above the horizon of --orbit and a turntable, -89 to 89 degrees [default: 30; of a circle where
     /// photographs were taken, theirs]
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true,
         conflicts_with_all = ["cameras", "pose"],
-        value_parser = angle(-89.0, 89.0))]
+        value_parser = in_range(-89.0..=89.0, "an angle from -89 to 89 degrees"))]
     elevation: Option<f64>,
     /// Distance from the scene's center of --orbit and a turntable, in dataset units [default: shows the whole scene; of a
     /// circle where photographs were taken, theirs]
-    #[arg(long, value_name = "LENGTH", conflicts_with_all = ["cameras", "pose"], value_parser = length)]
+    #[arg(long, value_name = "LENGTH", conflicts_with_all = ["cameras", "pose"], value_parser = in_range(POSITIVE, "a positive length"))]
     radius: Option<f64>,
-}
-
-fn angle(min: f64, max: f64) -> impl Fn(&str) -> Result<f64, String> + Clone + Send + Sync {
-    move |text| match text.parse() {
-        Ok(value) if (min..=max).contains(&value) => Ok(value),
-        _ => Err(format!("{text:?} is not an angle from {min} to {max} degrees")),
-    }
-}
-
-fn length(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err(format!("{text:?} is not a positive length")),
-    }
 }
 
 impl Viewpoints {

@@ -147,11 +147,6 @@ impl<T: Real> FieldScale<T> {
         self.blocks().map(|block| block.held().value_count()).sum()
     }
 
-    /// The most density components that a tensor may hold.
-    pub fn density_rank(&self) -> usize {
-        self.density.iter().map(|block| block.held().rank()).sum()
-    }
-
     /// Appearance components, as many as the scale's columns of the appearance matrix.
     pub fn appearance_rank(&self) -> usize {
         self.appearance.iter().map(|block| block.held().rank()).sum()

@@ -4,93 +4,51 @@
 
 use std::time::Instant;
 
-/// A part of a training step or of a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(usize)]
-pub enum Stage {
-    /// Sampling rays and ordering them in space.
-    Rays,
-    /// Marching rays through the occupancy to the samples that may count.
-    March,
-    /// Finding each sample's neighbors and their weights.
-    Neighbors,
-    /// Interpolating density factors.
-    DensityGather,
-    /// Opacities, transmittances, and pixels from samples' colors.
-    Composite,
-    /// Interpolating appearance factors.
-    AppearanceGather,
-    /// Appearance matrices: components to features.
-    AppearanceMatrices,
-    /// Positional encoding, and the decoder's input rows.
-    Encoding,
-    /// The MLP.
-    Decoder,
-    /// Backward of compositing and loss.
-    CompositeBackward,
-    /// Backward of the MLP, its weights' gradients included.
-    DecoderBackward,
-    /// Backward of the positional encoding.
-    EncodingBackward,
-    /// Backward of the appearance matrices, their own gradients included.
-    AppearanceMatricesBackward,
-    /// Sorting (tensor, sample) contributions by tensor.
-    ContributionOrder,
-    /// Gradients of density factors.
-    DensityBackward,
-    /// Gradients of appearance factors.
-    AppearanceBackward,
-    /// Adam over all trained parameters, with regularization and the sums of the shared weights' gradients.
-    Optimizer,
+strivec_format::named! {
+    /// A part of a training step or of a picture.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[repr(usize)]
+    pub enum Stage {
+        /// Sampling rays and ordering them in space.
+        Rays = "rays",
+        /// Marching rays through the occupancy to the samples that may count.
+        March = "march",
+        /// Finding each sample's neighbors and their weights.
+        Neighbors = "neighbors",
+        /// Interpolating density factors.
+        DensityGather = "density gather",
+        /// Opacities, transmittances, and pixels from samples' colors.
+        Composite = "compositing",
+        /// Interpolating appearance factors.
+        AppearanceGather = "appearance gather",
+        /// Appearance matrices: components to features.
+        AppearanceMatrices = "appearance matrices",
+        /// Positional encoding, and the decoder's input rows.
+        Encoding = "encoding",
+        /// The MLP.
+        Decoder = "decoder",
+        /// Backward of compositing and loss.
+        CompositeBackward = "compositing, backward",
+        /// Backward of the MLP, its weights' gradients included.
+        DecoderBackward = "decoder, backward",
+        /// Backward of the positional encoding.
+        EncodingBackward = "encoding, backward",
+        /// Backward of the appearance matrices, their own gradients included.
+        AppearanceMatricesBackward = "appearance matrices, backward",
+        /// Sorting (tensor, sample) contributions by tensor.
+        ContributionOrder = "contribution order",
+        /// Gradients of density factors.
+        DensityBackward = "density, backward",
+        /// Gradients of appearance factors.
+        AppearanceBackward = "appearance, backward",
+        /// Adam over all trained parameters, with regularization and the sums of the shared weights' gradients.
+        Optimizer = "optimizer",
+    }
 }
 
 impl Stage {
     /// Number of stages.
     pub const COUNT: usize = 17;
-
-    /// All stages, in the order of a training step.
-    pub const ALL: [Self; Self::COUNT] = [
-        Self::Rays,
-        Self::March,
-        Self::Neighbors,
-        Self::DensityGather,
-        Self::Composite,
-        Self::AppearanceGather,
-        Self::AppearanceMatrices,
-        Self::Encoding,
-        Self::Decoder,
-        Self::CompositeBackward,
-        Self::DecoderBackward,
-        Self::EncodingBackward,
-        Self::AppearanceMatricesBackward,
-        Self::ContributionOrder,
-        Self::DensityBackward,
-        Self::AppearanceBackward,
-        Self::Optimizer,
-    ];
-
-    /// The stage's name in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Rays => "rays",
-            Self::March => "march",
-            Self::Neighbors => "neighbors",
-            Self::DensityGather => "density gather",
-            Self::Composite => "compositing",
-            Self::AppearanceGather => "appearance gather",
-            Self::AppearanceMatrices => "appearance matrices",
-            Self::Encoding => "encoding",
-            Self::Decoder => "decoder",
-            Self::CompositeBackward => "compositing, backward",
-            Self::DecoderBackward => "decoder, backward",
-            Self::EncodingBackward => "encoding, backward",
-            Self::AppearanceMatricesBackward => "appearance matrices, backward",
-            Self::ContributionOrder => "contribution order",
-            Self::DensityBackward => "density, backward",
-            Self::AppearanceBackward => "appearance, backward",
-            Self::Optimizer => "optimizer",
-        }
-    }
 }
 
 /// Core seconds by stage, and counts of the work done.

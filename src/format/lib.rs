@@ -29,6 +29,7 @@ pub mod escape;
 pub mod geometry;
 mod invalid;
 pub mod model;
+mod named;
 pub mod psnr;
 pub mod random;
 

@@ -45,10 +45,6 @@ impl Visitor for Seen {
     fn left_out(&mut self, reason: LeftOut) {
         self.left_out.push(reason);
     }
-
-    fn progress(&mut self, _done: u64, _total: u64) -> Result<(), Fault> {
-        Ok(())
-    }
 }
 
 type Read = fn(&mut Input<'_>, &ReadOptions, &mut dyn Visitor) -> Result<(), Fault>;

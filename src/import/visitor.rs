@@ -80,7 +80,9 @@ pub trait Visitor {
     /// # Errors
     ///
     /// Any error ends the reading.
-    fn progress(&mut self, done: u64, total: u64) -> Result<(), Fault>;
+    fn progress(&mut self, _done: u64, _total: u64) -> Result<(), Fault> {
+        Ok(())
+    }
 }
 
 /// The parts of a file that are read.

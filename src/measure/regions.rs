@@ -5,20 +5,22 @@ use serde::Serialize;
 use super::Error;
 use strivec_format::psnr::psnr_of_mse;
 
-/// The region of a pixel, judged by the photograph alone.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Region {
-    /// Mostly transparent, with all pixels around it.
-    Background,
-    /// Within two pixels of both opaque and transparent pixels.
-    Silhouette,
-    /// Luminance differs from a neighbor's (above, below, left, right) by more than 0.1.
-    Edge,
-    /// Nearly white, like the highlights of glossy surfaces: every channel is at least 0.7.
-    Highlight,
-    /// All other pixels.
-    Surface,
+strivec_format::named! {
+    /// The region of a pixel, judged by the photograph alone.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Region {
+        /// Mostly transparent, with all pixels around it.
+        Background = "background",
+        /// Within two pixels of both opaque and transparent pixels.
+        Silhouette = "silhouettes",
+        /// Luminance differs from a neighbor's (above, below, left, right) by more than 0.1.
+        Edge = "edges",
+        /// Nearly white, like the highlights of glossy surfaces: every channel is at least 0.7.
+        Highlight = "highlights",
+        /// All other pixels.
+        Surface = "other surface",
+    }
 }
 
 /// Smallest difference of luminance of neighboring pixels at an edge.
@@ -29,20 +31,6 @@ const HIGHLIGHT: f32 = 0.7;
 const SILHOUETTE_REACH: usize = 2;
 
 impl Region {
-    /// All regions.
-    pub const ALL: [Self; 5] = [Self::Background, Self::Silhouette, Self::Edge, Self::Highlight, Self::Surface];
-
-    /// Name of the region in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Background => "background",
-            Self::Silhouette => "silhouettes",
-            Self::Edge => "edges",
-            Self::Highlight => "highlights",
-            Self::Surface => "other surface",
-        }
-    }
-
     /// The regions of a photograph of `size` (columns, rows) with these colors, and these opacities from 0 to 1.
     ///
     /// # Errors

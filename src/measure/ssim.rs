@@ -13,19 +13,21 @@ const UNIFORM_WINDOW: usize = 7;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// The window and the border of SSIM. `tools/measure/ssim.py` compares them with the programs that are named here.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SsimConvention {
-    /// A Gaussian window of 11×11 with σ = 1.5, only windows that lie wholly in the picture. The same number comes from
-    /// TensorFlow's `tf.image.ssim` (NeRF), mip-NeRF's `compute_ssim`, TensoRF's `rgb_ssim`, torchmetrics (nerfstudio), and
-    /// scikit-image with `gaussian_weights=True, sigma=1.5, use_sample_covariance=False`.
-    Nerf,
-    /// A Gaussian window of 11×11 with σ = 1.5 at every pixel, with zeros around the picture: `loss_utils.ssim` of 3D
-    /// Gaussian splatting.
-    GaussianSplatting,
-    /// Equal weights of 7×7 pixels, sample variances, only windows that lie wholly in the picture: the defaults of
-    /// scikit-image's `structural_similarity`, which pixelNeRF uses.
-    ScikitImage,
+strivec_format::named! {
+    /// The window and the border of SSIM. `tools/measure/ssim.py` compares them with the programs that are named here.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum SsimConvention {
+        /// A Gaussian window of 11×11 with σ = 1.5, only windows that lie wholly in the picture. The same number comes from
+        /// TensorFlow's `tf.image.ssim` (NeRF), mip-NeRF's `compute_ssim`, TensoRF's `rgb_ssim`, torchmetrics (nerfstudio), and
+        /// scikit-image with `gaussian_weights=True, sigma=1.5, use_sample_covariance=False`.
+        Nerf = "nerf",
+        /// A Gaussian window of 11×11 with σ = 1.5 at every pixel, with zeros around the picture: `loss_utils.ssim` of 3D
+        /// Gaussian splatting.
+        GaussianSplatting = "3dgs",
+        /// Equal weights of 7×7 pixels, sample variances, only windows that lie wholly in the picture: the defaults of
+        /// scikit-image's `structural_similarity`, which pixelNeRF uses.
+        ScikitImage = "skimage",
+    }
 }
 
 /// Along one axis the weights of a window, of sum 1; the zeros around the picture; and the factor of variances.
@@ -36,19 +38,7 @@ struct Window {
 }
 
 impl SsimConvention {
-    /// All conventions.
-    pub const ALL: [Self; 3] = [Self::Nerf, Self::GaussianSplatting, Self::ScikitImage];
-
-    /// Name of the convention in options and, after `ssim_`, in results.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Nerf => "nerf",
-            Self::GaussianSplatting => "3dgs",
-            Self::ScikitImage => "skimage",
-        }
-    }
-
-    /// The name of this variant in results.
+    /// Name of the convention in results.
     pub fn result_name(self) -> &'static str {
         match self {
             Self::Nerf => "ssim_nerf",

@@ -13,37 +13,25 @@ const SHADER: &str = strivec_shaders::DISPLAY;
 /// Bytes of a pixel of the renderer.
 const PIXEL_BYTES: u64 = 32;
 
-/// Displayed quantity of a picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum View {
-    /// Colors.
-    #[default]
-    Color,
-    /// Expected depth, near is bright.
-    Depth,
-    /// Opacity.
-    Opacity,
-    /// Normals from density, in the camera's axes.
-    Normals,
-    /// Samples that were evaluated.
-    Samples,
+strivec_format::named! {
+    /// Displayed quantity of a picture.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    pub enum View {
+        /// Colors.
+        #[default]
+        Color = "color",
+        /// Expected depth, near is bright.
+        Depth = "depth",
+        /// Opacity.
+        Opacity = "opacity",
+        /// Normals from density, in the camera's axes.
+        Normals = "normals",
+        /// Samples that were evaluated.
+        Samples = "samples",
+    }
 }
 
 impl View {
-    /// All quantities.
-    pub const ALL: [Self; 5] = [Self::Color, Self::Depth, Self::Opacity, Self::Normals, Self::Samples];
-
-    /// Name in interfaces of programs.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Color => "color",
-            Self::Depth => "depth",
-            Self::Opacity => "opacity",
-            Self::Normals => "normals",
-            Self::Samples => "samples",
-        }
-    }
-
     /// Name in the panel.
     pub fn label(self) -> &'static str {
         match self {
@@ -215,11 +203,6 @@ impl Screen {
                 mapped_at_creation: false,
             }),
         }
-    }
-
-    /// Removes the picture.
-    pub fn clear(&mut self) {
-        self.kept = None;
     }
 
     /// The camera of the picture; `None` if there is no picture.

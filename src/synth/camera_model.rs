@@ -7,30 +7,32 @@ use super::portable::cos_sin;
 use strivec_capture::dataset::{Focal, Intrinsics, lens_of};
 use strivec_format::geometry::{Camera, Lens};
 
-/// Camera models that synthetic datasets can have.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum CameraModel {
-    /// No distortion.
-    #[default]
-    Pinhole,
-    /// One radial coefficient.
-    SimpleRadial,
-    /// Two radial coefficients.
-    Radial,
-    /// Two radial and two tangential coefficients.
-    OpenCv,
-    /// Six radial, three of them of the divisor, and two tangential coefficients.
-    FullOpenCv,
-    /// Equidistant, four radial coefficients.
-    OpenCvFisheye,
-    /// Equidistant, one radial coefficient.
-    SimpleRadialFisheye,
-    /// Equidistant, two radial coefficients.
-    RadialFisheye,
-    /// Equidistant, four radial, two tangential and two thin prism coefficients.
-    ThinPrismFisheye,
-    /// The whole sphere.
-    Equirectangular,
+strivec_format::named! {
+    /// Camera models that synthetic datasets can have.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+    pub enum CameraModel {
+        /// No distortion.
+        #[default]
+        Pinhole = "pinhole",
+        /// One radial coefficient.
+        SimpleRadial = "simple-radial",
+        /// Two radial coefficients.
+        Radial = "radial",
+        /// Two radial and two tangential coefficients.
+        OpenCv = "opencv",
+        /// Six radial, three of them of the divisor, and two tangential coefficients.
+        FullOpenCv = "full-opencv",
+        /// Equidistant, four radial coefficients.
+        OpenCvFisheye = "opencv-fisheye",
+        /// Equidistant, one radial coefficient.
+        SimpleRadialFisheye = "simple-radial-fisheye",
+        /// Equidistant, two radial coefficients.
+        RadialFisheye = "radial-fisheye",
+        /// Equidistant, four radial, two tangential and two thin prism coefficients.
+        ThinPrismFisheye = "thin-prism-fisheye",
+        /// The whole sphere.
+        Equirectangular = "equirectangular",
+    }
 }
 
 /// The principal point as a share of columns and rows, but for pinhole and equirectangular cameras, which have it in the
@@ -40,36 +42,6 @@ const PRINCIPAL: [f64; 2] = [0.51, 0.49];
 const FOCAL_RATIO: f64 = 0.98;
 
 impl CameraModel {
-    /// All models.
-    pub const ALL: [Self; 10] = [
-        Self::Pinhole,
-        Self::SimpleRadial,
-        Self::Radial,
-        Self::OpenCv,
-        Self::FullOpenCv,
-        Self::OpenCvFisheye,
-        Self::SimpleRadialFisheye,
-        Self::RadialFisheye,
-        Self::ThinPrismFisheye,
-        Self::Equirectangular,
-    ];
-
-    /// Name of the camera model, as in `opencv-fisheye`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Pinhole => "pinhole",
-            Self::SimpleRadial => "simple-radial",
-            Self::Radial => "radial",
-            Self::OpenCv => "opencv",
-            Self::FullOpenCv => "full-opencv",
-            Self::OpenCvFisheye => "opencv-fisheye",
-            Self::SimpleRadialFisheye => "simple-radial-fisheye",
-            Self::RadialFisheye => "radial-fisheye",
-            Self::ThinPrismFisheye => "thin-prism-fisheye",
-            Self::Equirectangular => "equirectangular",
-        }
-    }
-
     /// Name of the camera model in COLMAP's files, as in `OPENCV_FISHEYE`.
     pub(super) fn colmap_name(self) -> String {
         self.name().replace('-', "_").to_uppercase()

@@ -11,30 +11,18 @@ use super::Target;
 use strivec_format::color_map::{ColorFit, ColorMap};
 use strivec_format::psnr::psnr_of_mse;
 
-/// The photographs whose colors are mapped.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Exposure {
-    /// All photographs, if it explains much of the error after a tenth of the steps.
-    #[default]
-    Auto,
-    /// All photographs.
-    On,
-    /// No photograph.
-    Off,
-}
-
-impl Exposure {
-    /// Every setting.
-    pub const ALL: [Self; 3] = [Self::Auto, Self::On, Self::Off];
-
-    /// The name in settings.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::On => "on",
-            Self::Off => "off",
-        }
+strivec_format::named! {
+    /// The photographs whose colors are mapped.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+    #[serde(rename_all = "lowercase")]
+    pub enum Exposure {
+        /// All photographs, if it explains much of the error after a tenth of the steps.
+        #[default]
+        Auto = "auto",
+        /// All photographs.
+        On = "on",
+        /// No photograph.
+        Off = "off",
     }
 }
 

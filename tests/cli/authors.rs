@@ -1,6 +1,7 @@
 //! Checkpoints of the Strivec authors' layouts: the field and the pictures that their arrays give, computed here from the arrays
 //! alone, are those of the imported scene, and planted differences show.
 
+use crate::command::{code, run, strivec, text};
 use crate::scenes;
 
 use std::collections::HashMap;
@@ -799,15 +800,6 @@ fn bounds_are_the_checkpoints_box() {
     assert_eq!((scene.rules.aggregation, scene.rules.min_transmittance), (Aggregation::Clamped, 1e-3));
 }
 
-/// Runs the command, which must succeed.
-fn strivec(folder: &std::path::Path, arguments: &[&str]) -> String {
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_strivec"));
-    let output = command.current_dir(folder).args(arguments).output().unwrap();
-    let error = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{arguments:?}: {error}");
-    String::from_utf8(output.stdout).unwrap()
-}
-
 #[test]
 fn the_commands_find_the_files_beside_a_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
@@ -819,23 +811,22 @@ fn the_commands_find_the_files_beside_a_checkpoint() {
             std::fs::write(at(&format!("{name}{end}")), bytes).unwrap();
         }
         let of = |end: &str| format!("{name}{end}");
-        let printed = strivec(folder.path(), &["import", &of(".th"), "-o", &of(".strivec")]);
+        let printed = run(folder.path(), &["import", &of(".th"), "-o", &of(".strivec")]);
         assert!(printed.contains("2 scales, 36 tensors"), "{printed}");
-        strivec(folder.path(), &["export", &of(".strivec"), "-o", &of("2.th"), "--as", "authors"]);
-        strivec(folder.path(), &["import", &of("2.th"), "-o", &of("2.strivec")]);
+        run(folder.path(), &["export", &of(".strivec"), "-o", &of("2.th"), "--as", "authors"]);
+        run(folder.path(), &["import", &of("2.th"), "-o", &of("2.strivec")]);
         let same = |a: String, b: String| std::fs::read(at(&a)).unwrap() == std::fs::read(at(&b)).unwrap();
         assert!(same(of(".strivec"), of("2.strivec")) && same(of(".th"), of("2.th")), "{name}");
     }
     let centers = ["cp_centers_0.txt", "cp_centers_1.txt"];
     let named =
         ["import", "cp.th", "-o", "3.strivec", "--config", "cp.txt", "--points", centers[0], "--points", centers[1]];
-    strivec(folder.path(), &named);
+    run(folder.path(), &named);
     assert_eq!(std::fs::read(at("3.strivec")).unwrap(), std::fs::read(at("cp.strivec")).unwrap());
     let failed = |arguments: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_strivec"));
-        let output = command.current_dir(folder.path()).args(arguments).output().unwrap();
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
-        String::from_utf8(output.stderr).unwrap()
+        let output = strivec(folder.path(), arguments);
+        assert_eq!(code(&output), 1, "{arguments:?}");
+        text(&output.stderr)
     };
     let other = failed(&["import", "cp.th", "-o", "4.strivec", "--meta", "vm_meta.pkl"]);
     assert!(other.contains("--meta is for a checkpoint of a Strivec_DBase"), "{other}");

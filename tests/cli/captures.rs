@@ -1,11 +1,11 @@
 //! Scenes whose cameras stand within them: unbounded ones and rooms, from files to pictures and files.
 
+use crate::command::{PACK, run, run_program};
 use crate::scenes;
 
 use std::f64::consts::TAU;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use glam::DVec3;
 use serde_json::Value;
@@ -46,17 +46,6 @@ fn folder(scene: &Scene, cameras: &[TrainingCamera]) -> TempDir {
     folder
 }
 
-/// Standard output of a command that succeeds.
-#[track_caller]
-fn succeed(folder: &Path, program: &str, arguments: &[&str]) -> String {
-    let output = Command::new(program).current_dir(folder).args(arguments).output().unwrap();
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-const STRIVEC: &str = env!("CARGO_BIN_EXE_strivec");
-const PACK: &str = env!("CARGO_BIN_EXE_strivec-pack");
-
 fn read(folder: &Path, name: &str) -> SceneFile {
     decode_scene_file(&fs::read(folder.join(name)).unwrap(), Limits::default()).unwrap()
 }
@@ -78,7 +67,7 @@ fn a_turntable_of_an_unbounded_scene_is_where_its_photographs_were_taken() {
     let (scene, cameras) = unbounded();
     let folder = folder(&scene, &cameras);
     let arguments = ["render", "scene.strivec", "--quiet", "--size", "12x8", "--out", "frames"];
-    succeed(folder.path(), STRIVEC, &[&arguments[..], &["--path", "turntable", "--frames", "2"]].concat());
+    run(folder.path(), &[&arguments[..], &["--path", "turntable", "--frames", "2"]].concat());
     let turn = Turntable::of(&scene, None, &cameras).unwrap();
     assert!((turn.radius - 0.8).abs() < 1e-6 && (turn.height - 0.3).abs() < 1e-6, "{turn:?}");
     let renderer = CpuRenderer::new(&scene);
@@ -88,7 +77,7 @@ fn a_turntable_of_an_unbounded_scene_is_where_its_photographs_were_taken() {
         assert!(apart(&found, &expected) <= 1, "{name}");
     }
     // Other distances and elevations are around what the cameras look at.
-    succeed(folder.path(), STRIVEC, &[&arguments[..], &["--orbit", "1", "--elevation", "0", "--radius", "2"]].concat());
+    run(folder.path(), &[&arguments[..], &["--orbit", "1", "--elevation", "0", "--radius", "2"]].concat());
     assert_ne!(
         fs::read(folder.path().join("frames/orbit_000.png")).unwrap(),
         png(&renderer.render(&turn.camera(0.0, [12, 8])))
@@ -101,7 +90,7 @@ fn near_depths_of_an_unbounded_scene_are_told_apart() {
     let folder = folder(&scene, &cameras);
     let arguments =
         ["render", "scene.strivec", "--quiet", "--size", "12x8", "--out", "frames", "--orbit", "1", "--depth"];
-    succeed(folder.path(), STRIVEC, &arguments);
+    run(folder.path(), &arguments);
     let scale: Value = serde_json::from_slice(&fs::read(folder.path().join("frames/depth.json")).unwrap()).unwrap();
     let scale = scale["scale"].as_f64().unwrap();
     let gray = image::open(folder.path().join("frames/orbit_000_depth.png")).unwrap().into_luma16().into_raw();
@@ -141,8 +130,8 @@ fn an_unbounded_scene_is_packed_as_its_cameras_see_it() {
         "--probes",
         "8",
     ];
-    succeed(folder.path(), PACK, &arguments);
-    succeed(folder.path(), PACK, &["verify", "--render", "small.strivec"]);
+    run_program(PACK, folder.path(), &arguments);
+    run_program(PACK, folder.path(), &["verify", "--render", "small.strivec"]);
     let small = read(folder.path(), "small.strivec");
     let quality = small.metadata.quality.unwrap();
     let distortion = |size| ReferencePictures::from_own_pictures(&scene, probe_views(&scene, None, &cameras, 12, size));
@@ -173,7 +162,7 @@ fn an_unbounded_scene_is_packed_as_its_cameras_see_it() {
 fn what_changes_files_and_what_measures_them_takes_unbounded_scenes() {
     let (scene, cameras) = unbounded();
     let folder = folder(&scene, &cameras);
-    let pack = |arguments: &[&str]| succeed(folder.path(), PACK, arguments);
+    let pack = |arguments: &[&str]| run_program(PACK, folder.path(), arguments);
     pack(&["transform", "scene.strivec", "-o", "moved.strivec", "--scale", "3", "--turn", "x", "--move=1,2,3"]);
     pack(&["crop", "moved.strivec", "-o", "crop.strivec", "--scales", "1"]);
     pack(&["extract", "scene.strivec", "-o", "parts"]);
@@ -187,7 +176,7 @@ fn what_changes_files_and_what_measures_them_takes_unbounded_scenes() {
     for (file, arguments) in [("moved.strivec", &["--orbit", "1"][..]), ("scene.strivec", &["--orbit", "1"])] {
         let out = format!("{file}.out");
         let all = [&["render", file, "--quiet", "--size", "12x8", "--out", &out], arguments].concat();
-        succeed(folder.path(), STRIVEC, &all);
+        run(folder.path(), &all);
     }
     let picture = |file: &str| fs::read(folder.path().join(format!("{file}.out/orbit_000.png"))).unwrap();
     assert!(apart(&picture("moved.strivec"), &picture("scene.strivec")) <= 2, "a turntable moves with its scene");
@@ -207,7 +196,7 @@ fn what_changes_files_and_what_measures_them_takes_unbounded_scenes() {
         "--out",
         "trade",
     ];
-    let report = succeed(folder.path(), STRIVEC, &trade);
+    let report = run(folder.path(), &trade);
     assert!(report.contains("exact"), "{report}");
 }
 
@@ -237,7 +226,7 @@ fn a_room_is_seen_from_its_middle_by_default() {
         "--frames",
         "3",
     ];
-    succeed(folder.path(), STRIVEC, &arguments);
+    run(folder.path(), &arguments);
     let found = fs::read(folder.path().join("frames/frame_0001.png")).unwrap();
     let expected = CpuRenderer::new(&scene).render(&turn.camera(1.0 / 3.0, [12, 8]));
     assert!(apart(&found, &png(&expected)) <= 1);

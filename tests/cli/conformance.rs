@@ -1,8 +1,8 @@
 //! The conformance suite of the format: this reader makes of each file what `expected.json` records.
 
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
+use crate::command::{json_of, pack};
 use serde_json::Value;
 
 /// Difference of traced rays, which depend on the machine's functions.
@@ -49,14 +49,9 @@ fn this_reader_conforms() {
     assert_eq!(files.len(), ["v1", "skipped", "hostile"].into_iter().map(count).sum::<usize>(), "all files are listed");
     assert!(files.iter().all(|file| Path::new(file).parent().is_some()));
 
-    let output = Command::new(env!("CARGO_BIN_EXE_strivec-pack"))
-        .current_dir(&fixtures)
-        .args(["--json", "--quiet", "conform", "--memory", "64"])
-        .args(&files)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let names: Vec<&str> = files.iter().map(String::as_str).collect();
+    let conform = [&["--json", "--quiet", "conform", "--memory", "64"][..], &names].concat();
+    let found = json_of(&pack(&fixtures, &conform));
     assert_eq!(differing(&expected, &found), Vec::<String>::new());
 
     // The comparison sees a number, a class and a missing section.

@@ -1,10 +1,9 @@
 //! Edits of files by `strivec-pack`: what an edit does not change stays as it is, bit for bit.
 
-use crate::scenes;
+use crate::{command, scenes};
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use serde_json::Value;
@@ -21,16 +20,12 @@ fn fixtures() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/v1")
 }
 
-fn run(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_strivec-pack")).current_dir(folder).args(arguments).output().unwrap()
-}
-
 /// Standard error of a run that succeeds.
 #[track_caller]
 fn succeed(folder: &Path, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
-    let message = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {message}");
+    let output = command::pack(folder, arguments);
+    let message = command::text(&output.stderr);
+    assert_eq!(command::code(&output), 0, "{arguments:?}: {message}");
     message
 }
 
@@ -406,6 +401,6 @@ fn notes_are_compressed_as_the_file_is() {
     let noted = fs::read(folder.path().join("noted.strivec")).unwrap();
     assert_eq!(changed(&bytes, &noted), ["NOTES"]);
     assert!(noted.len() < bytes.len() + 256, "{} and {}", noted.len(), bytes.len());
-    let schema: Value = serde_json::from_slice(&run(folder.path(), &["schema"]).stdout).unwrap();
+    let schema: Value = serde_json::from_slice(&command::pack(folder.path(), &["schema"]).stdout).unwrap();
     assert!(schema["$defs"]["transform"].is_object());
 }

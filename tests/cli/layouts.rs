@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use crate::command::{STRIVEC, command, printed};
 use glam::{DMat3, DQuat, DVec3};
 use image::RgbaImage;
 use serde_json::json;
@@ -399,10 +400,8 @@ fn the_command_says_what_it_understood_and_draws_it() {
     fs::remove_file(folder.path().join(format!("images/{}.png", name(4)))).unwrap();
     let drawn = folder.path().join("cameras.png");
     let info = |arguments: &[&std::ffi::OsStr]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_strivec"));
-        let found = command.args(["dataset", "info"]).arg(folder.path()).args(arguments).output().unwrap();
-        assert!(found.status.success(), "{}", String::from_utf8_lossy(&found.stderr));
-        String::from_utf8(found.stdout).unwrap()
+        let mut command = command(STRIVEC, folder.path(), &["dataset", "info"]);
+        printed(&command.arg(folder.path()).args(arguments).output().unwrap())
     };
     let text = info(&["--picture".as_ref(), drawn.as_ref()]);
     for part in ["10 photographs in the layout colmap", "8 train, 2 test", "10 of 24x16: perspective with distortion"] {

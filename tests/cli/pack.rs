@@ -1,10 +1,11 @@
 //! The command `strivec-pack`, from files to files.
 
+use crate::command::{PACK, code, command, pack, run_program, text};
 use crate::scenes;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::Stdio;
 
 use serde_json::Value;
 use strivec_field::render::{ReferenceRenderer, Renderer};
@@ -28,31 +29,9 @@ fn folder() -> (TempDir, Scene) {
     (folder, scene)
 }
 
-fn command(folder: &Path, arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_strivec-pack"));
-    command.current_dir(folder).args(arguments);
-    command
-}
-
-fn run(folder: &Path, arguments: &[&str]) -> Output {
-    command(folder, arguments).output().unwrap()
-}
-
-fn code(output: &Output) -> i32 {
-    output.status.code().expect("the command ends by itself")
-}
-
-/// Standard output of a run that succeeds.
-#[track_caller]
-fn succeed(folder: &Path, arguments: &[&str]) -> Vec<u8> {
-    let output = run(folder, arguments);
-    assert_eq!(code(&output), 0, "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    output.stdout
-}
-
 #[track_caller]
 fn json(folder: &Path, arguments: &[&str]) -> Value {
-    let value = serde_json::from_slice(&succeed(folder, &[&["--json"], arguments].concat())).expect("JSON");
+    let value = serde_json::from_str(&run_program(PACK, folder, &[&["--json"], arguments].concat())).expect("JSON");
     conforms(&value, arguments[0]);
     value
 }
@@ -60,8 +39,8 @@ fn json(folder: &Path, arguments: &[&str]) -> Value {
 /// One line of standard error that names `what`, and the exit code.
 #[track_caller]
 fn fail(folder: &Path, arguments: &[&str], expected: i32, what: &str) {
-    let output = run(folder, arguments);
-    let message = String::from_utf8(output.stderr.clone()).unwrap();
+    let output = pack(folder, arguments);
+    let message = text(&output.stderr);
     assert_eq!(code(&output), expected, "{arguments:?}: {message}");
     assert!(message.starts_with("strivec-pack: ") && message.contains(what), "{message}");
 }
@@ -135,7 +114,7 @@ fn violation(value: &Value, schema: &Value, root: &Value) -> Option<String> {
 #[test]
 fn the_published_schema_is_that_of_the_results() {
     let (folder, _) = folder();
-    let printed: Value = serde_json::from_slice(&succeed(folder.path(), &["schema"])).unwrap();
+    let printed: Value = serde_json::from_str(&run_program(PACK, folder.path(), &["schema"])).unwrap();
     assert_eq!(printed, published(), "strivec-pack schema > format-spec/strivec-pack.schema.json");
     // The check of results finds a planted difference.
     let schema = published();
@@ -184,7 +163,8 @@ fn a_target_size_is_kept() {
     let (folder, _) = folder();
     let size = fs::metadata(folder.path().join("scene.strivec")).unwrap().len();
     let target = format!("{}B", size / 3);
-    succeed(
+    run_program(
+        PACK,
         folder.path(),
         &[
             "pack",
@@ -223,9 +203,9 @@ fn lossless_is_and_a_dry_run_writes_nothing() {
 #[test]
 fn differences_are_exit_code_7() {
     let (folder, _) = folder();
-    succeed(folder.path(), &["convert", "scene.strivec", "-o", "half.strivec", "--encoding", "f16"]);
+    run_program(PACK, folder.path(), &["convert", "scene.strivec", "-o", "half.strivec", "--encoding", "f16"]);
     json(folder.path(), &["diff", "scene.strivec", "scene.strivec"]);
-    let output = run(folder.path(), &["--json", "diff", "scene.strivec", "half.strivec"]);
+    let output = pack(folder.path(), &["--json", "diff", "scene.strivec", "half.strivec"]);
     assert_eq!(code(&output), 7);
     let difference: Value = serde_json::from_slice(&output.stdout).unwrap();
     conforms(&difference, "diff");
@@ -239,9 +219,9 @@ fn differences_are_exit_code_7() {
 fn converting_there_and_back_changes_no_byte() {
     let (folder, _) = folder();
     let grid = ["convert", "scene.strivec", "-o", "a.strivec", "--encoding", "grid6"];
-    succeed(folder.path(), &grid);
-    succeed(folder.path(), &["convert", "a.strivec", "-o", "b.strivec"]);
-    succeed(folder.path(), &["convert", "b.strivec", "-o", "c.strivec"]);
+    run_program(PACK, folder.path(), &grid);
+    run_program(PACK, folder.path(), &["convert", "a.strivec", "-o", "b.strivec"]);
+    run_program(PACK, folder.path(), &["convert", "b.strivec", "-o", "c.strivec"]);
     let bytes = |name| fs::read(folder.path().join(name)).unwrap();
     assert_eq!(read(folder.path(), "a.strivec"), read(folder.path(), "b.strivec"));
     // The same but for the stated error: nothing is lost a second time.
@@ -262,7 +242,7 @@ fn a_crop_keeps_what_is_in_the_box_as_it_was() {
     let from = scene.frame.model_from_dataset.inverse();
     let (min, max) = (from.point(scene.bounds.min), from.point(scene.bounds.center()));
     let corners = [min.to_array(), max.to_array()].concat().iter().map(f64::to_string).collect::<Vec<_>>().join(",");
-    succeed(folder.path(), &["crop", "scene.strivec", "-o", "part.strivec", &format!("--box={corners}")]);
+    run_program(PACK, folder.path(), &["crop", "scene.strivec", "-o", "part.strivec", &format!("--box={corners}")]);
     let part = read(folder.path(), "part.strivec");
     assert!(part.parameter_count() < scene.parameter_count());
     assert!(part.bounds.max.distance(scene.bounds.center()) < 1e-9, "{:?}", part.bounds);
@@ -272,9 +252,9 @@ fn a_crop_keeps_what_is_in_the_box_as_it_was() {
         field.density_feature(&field.locate(inside)).feature
     };
     assert_eq!(feature(&scene), feature(&part));
-    succeed(folder.path(), &["crop", "scene.strivec", "-o", "coarse.strivec", "--scales", "1"]);
+    run_program(PACK, folder.path(), &["crop", "scene.strivec", "-o", "coarse.strivec", "--scales", "1"]);
     assert_eq!(read(folder.path(), "coarse.strivec").scales, scene.scales[..1]);
-    let refused = run(folder.path(), &["crop", "scene.strivec", "-o", "x.strivec", "--box=1,1,1,0,0,0"]);
+    let refused = pack(folder.path(), &["crop", "scene.strivec", "-o", "x.strivec", "--box=1,1,1,0,0,0"]);
     let message = String::from_utf8_lossy(&refused.stderr);
     assert_eq!(code(&refused), 1);
     assert!(message.contains("'--box") && message.contains("the smallest corner, then a larger one"), "{message}");
@@ -284,11 +264,15 @@ fn a_crop_keeps_what_is_in_the_box_as_it_was() {
 fn four_quarter_turns_are_none_and_a_move_moves_what_is_seen() {
     let (folder, scene) = folder();
     let turn = ["--turn", "z"].repeat(4);
-    succeed(folder.path(), &[&["transform", "scene.strivec", "-o", "turned.strivec"], &turn[..]].concat());
+    run_program(PACK, folder.path(), &[&["transform", "scene.strivec", "-o", "turned.strivec"], &turn[..]].concat());
     let turned = read(folder.path(), "turned.strivec").frame.model_from_dataset;
     assert!(turned.rotation.dot(scene.frame.model_from_dataset.rotation).abs() > 1.0 - 1e-12);
 
-    succeed(folder.path(), &["transform", "scene.strivec", "-o", "moved.strivec", "--move=1,2,3", "--scale", "2"]);
+    run_program(
+        PACK,
+        folder.path(),
+        &["transform", "scene.strivec", "-o", "moved.strivec", "--move=1,2,3", "--scale", "2"],
+    );
     let moved = read(folder.path(), "moved.strivec");
     let seen = |scene: &Scene, origin: glam::DVec3, target: glam::DVec3| {
         let map = scene.frame.model_from_dataset;
@@ -306,8 +290,8 @@ fn four_quarter_turns_are_none_and_a_move_moves_what_is_seen() {
 #[test]
 fn pruning_drops_components_and_hardly_changes_pictures() {
     let (folder, _) = folder();
-    succeed(folder.path(), &["prune", "scene.strivec", "-o", "pruned.strivec", "--error", "1e-9"]);
-    let output = run(folder.path(), &["--json", "diff", "scene.strivec", "pruned.strivec"]);
+    run_program(PACK, folder.path(), &["prune", "scene.strivec", "-o", "pruned.strivec", "--error", "1e-9"]);
+    let output = pack(folder.path(), &["--json", "diff", "scene.strivec", "pruned.strivec"]);
     let difference: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(difference["psnr"].as_f64().is_none_or(|psnr| psnr > 45.0), "{difference}");
 }
@@ -315,7 +299,7 @@ fn pruning_drops_components_and_hardly_changes_pictures() {
 #[test]
 fn a_file_taken_apart_goes_together_again() {
     let (folder, scene) = folder();
-    succeed(folder.path(), &["notes", "scene.strivec", "--set", "author=me", "-o", "noted.strivec"]);
+    run_program(PACK, folder.path(), &["notes", "scene.strivec", "--set", "author=me", "-o", "noted.strivec"]);
     json(folder.path(), &["extract", "noted.strivec", "-o", "parts"]);
     json(folder.path(), &["assemble", "parts", "-o", "again.strivec"]);
     assert_eq!(read(folder.path(), "again.strivec"), scene);
@@ -344,10 +328,14 @@ fn a_file_taken_apart_goes_together_again() {
 #[test]
 fn notes_change_no_other_section() {
     let (folder, _) = folder();
-    succeed(folder.path(), &["notes", "scene.strivec", "--set", "a=1", "--set", "b=2", "-o", "noted.strivec"]);
-    succeed(folder.path(), &["notes", "noted.strivec", "--remove", "a", "-o", "fewer.strivec"]);
+    run_program(
+        PACK,
+        folder.path(),
+        &["notes", "scene.strivec", "--set", "a=1", "--set", "b=2", "-o", "noted.strivec"],
+    );
+    run_program(PACK, folder.path(), &["notes", "noted.strivec", "--remove", "a", "-o", "fewer.strivec"]);
     assert_eq!(json(folder.path(), &["notes", "fewer.strivec"]), serde_json::json!({ "b": "2" }));
-    let output = run(folder.path(), &["--json", "diff", "scene.strivec", "fewer.strivec"]);
+    let output = pack(folder.path(), &["--json", "diff", "scene.strivec", "fewer.strivec"]);
     let difference: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(difference["sections"], serde_json::json!(["NOTES"]));
 }
@@ -363,7 +351,7 @@ fn patterns_folders_and_pipes() {
     fail(folder.path(), &["info", "nothing*.strivec"], 2, "nothing*.strivec");
     fail(folder.path(), &["convert", "scene*.strivec", "-o", "-"], 1, "standard output");
 
-    let mut piped = command(folder.path(), &["convert", "-", "-o", "-"]);
+    let mut piped = command(PACK, folder.path(), &["convert", "-", "-o", "-"]);
     let input = fs::File::open(folder.path().join("scene.strivec")).unwrap();
     let output = piped.stdin(Stdio::from(input)).output().unwrap();
     assert_eq!(code(&output), 0, "{}", String::from_utf8_lossy(&output.stderr));
@@ -377,28 +365,28 @@ fn damage_and_what_is_not_supported_have_codes_of_their_own() {
     let last = bytes.len() - 1;
     bytes[last] ^= 1;
     fs::write(folder.path().join("damaged.strivec"), &bytes).unwrap();
-    let output = run(folder.path(), &["--json", "verify", "damaged.strivec"]);
+    let output = pack(folder.path(), &["--json", "verify", "damaged.strivec"]);
     assert_eq!(code(&output), 3);
     conforms(&serde_json::from_slice(&output.stdout).unwrap(), "verify");
     fail(folder.path(), &["info", "damaged.strivec"], 3, "damaged.strivec");
     let damaged = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/skipped/damaged-thumbnail.strivec");
-    let output = run(folder.path(), &["--json", "verify", damaged.to_str().unwrap()]);
+    let output = pack(folder.path(), &["--json", "verify", damaged.to_str().unwrap()]);
     assert_eq!(code(&output), 3);
     let rows: Value = serde_json::from_slice(&output.stdout).unwrap();
     conforms(&rows, "verify");
     assert_eq!((&rows[0]["skipped"][0]["class"], &rows[0]["class"]), (&"corrupt".into(), &Value::Null));
-    let output = run(folder.path(), &["info", damaged.to_str().unwrap()]);
+    let output = pack(folder.path(), &["info", damaged.to_str().unwrap()]);
     let warning = String::from_utf8(output.stderr.clone()).unwrap();
     assert_eq!(code(&output), 0);
     assert!(warning.contains("section THUMBNAIL is skipped: corrupt"), "{warning}");
     let newer = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/v1/newer-codes.strivec");
-    assert_eq!(code(&run(folder.path(), &["verify", newer.to_str().unwrap()])), 0);
+    assert_eq!(code(&pack(folder.path(), &["verify", newer.to_str().unwrap()])), 0);
     fail(folder.path(), &["verify", "--strict", "scene.strivec"], 3, "probes");
     fail(folder.path(), &["info", "missing.strivec"], 2, "missing.strivec");
     let hostile = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures/hostile");
     for entry in fs::read_dir(hostile).unwrap().map(|entry| entry.unwrap().path()) {
         if entry.extension().is_some_and(|e| e == "strivec") {
-            let output = run(folder.path(), &["info", "--memory", "64", entry.to_str().unwrap()]);
+            let output = pack(folder.path(), &["info", "--memory", "64", entry.to_str().unwrap()]);
             assert!([3, 5].contains(&code(&output)), "{}: {}", entry.display(), code(&output));
         }
     }

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::command::{json_of, text};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -134,9 +135,7 @@ impl Place {
     }
 
     fn report(&self, arguments: &[&str]) -> Value {
-        let output = self.run(&[arguments, &["--json"]].concat());
-        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
-        serde_json::from_slice(&output.stdout).unwrap()
+        json_of(&self.run(&[arguments, &["--json"]].concat()))
     }
 
     /// The message of a failure with `code`.
@@ -159,10 +158,6 @@ impl Place {
     fn stages(&self) -> Vec<String> {
         self.calls().iter().map(|call| call.split_whitespace().next().unwrap().to_owned()).collect()
     }
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8(bytes.to_vec()).unwrap()
 }
 
 const POSE: [&str; 3] = ["photos", "-o", "capture"];

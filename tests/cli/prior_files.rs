@@ -3,26 +3,20 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
+use crate::command::{code, json, strivec, text};
 use serde_json::Value;
 use tempfile::TempDir;
 
-fn strivec(folder: &Path, arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_strivec"));
-    command.current_dir(folder).args(["--quiet", "--json", "--force"]).args(arguments).output().unwrap()
-}
-
 fn done(folder: &Path, arguments: &[&str]) -> Value {
-    let output = strivec(folder, arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
+    json(folder, &[&["--force"], arguments].concat())
 }
 
 /// Exit code and message.
 fn refused(folder: &Path, arguments: &[&str]) -> (i32, String) {
-    let output = strivec(folder, arguments);
-    (output.status.code().unwrap(), String::from_utf8_lossy(&output.stderr).into_owned())
+    let output = strivec(folder, &[&["--quiet", "--json", "--force"], arguments].concat());
+    (code(&output), text(&output.stderr))
 }
 
 fn numbers(value: &Value) -> Vec<f64> {

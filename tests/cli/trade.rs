@@ -1,26 +1,11 @@
 //! The command `strivec trade` on a small file.
 
 use std::fs;
-use std::path::Path;
-use std::process::{Command, Output};
 
+use crate::command::{PACK, json_of, run_program, strivec};
 use serde_json::Value;
 
 const FIXTURE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/f32.strivec");
-
-fn run(program: &str, folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(program).args(arguments).current_dir(folder).output().unwrap()
-}
-
-fn strivec(folder: &Path, arguments: &[&str]) -> Output {
-    run(env!("CARGO_BIN_EXE_strivec"), folder, arguments)
-}
-
-/// The JSON that a command prints which succeeds.
-fn json(output: &Output) -> Value {
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
 
 /// A small sweep of pictures of this width.
 fn sweep<'a>(size: &'a str, combinations: &'a str, more: &[&'a str]) -> Vec<&'a str> {
@@ -33,7 +18,7 @@ fn a_sweep_measures_reports_and_stores_settings_that_render_accepts() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::copy(FIXTURE, folder.join("scene.strivec")).unwrap();
-    let report = json(&strivec(folder, &sweep("48", "8", &["--encodings", "--store"])));
+    let report = json_of(&strivec(folder, &sweep("48", "8", &["--encodings", "--store"])));
 
     let rows = report["rows"].as_array().unwrap();
     let row = |name: &str| rows.iter().find(|row| row["name"] == name).unwrap_or_else(|| panic!("{name}: {report:#}"));
@@ -61,26 +46,14 @@ fn a_sweep_measures_reports_and_stores_settings_that_render_accepts() {
     assert_eq!(names.len(), 3, "{names:?}");
     let fast = front.iter().find(|p| p["names"].as_array().is_some_and(|n| n.contains(&"fast".into()))).unwrap();
     let render = |more: &[&str]| {
-        let views = [
-            "render",
-            "scene.strivec",
-            "--orbit",
-            "1",
-            "--size",
-            "32x32",
-            "--out",
-            "frames",
-            "--force",
-            "--quiet",
-            "--json",
-        ];
-        strivec(folder, &[&views[..], more].concat())
+        let views = ["render", "scene.strivec", "--orbit", "1", "--size", "32x32", "--out", "frames"];
+        strivec(folder, &[&views[..], &["--force", "--quiet", "--json"], more].concat())
     };
-    let drawn = json(&render(&["--quality", "fast"]));
+    let drawn = json_of(&render(&["--quality", "fast"]));
     assert_eq!(drawn["approximation"], fast["settings"]["approximation"]);
-    assert_eq!(json(&render(&["--quality", "best"]))["files"], drawn["files"]);
-    json(&render(&["--min-psnr", "20"]));
-    json(&render(&["--min-fps", "0.001"]));
+    assert_eq!(json_of(&render(&["--quality", "best"]))["files"], drawn["files"]);
+    json_of(&render(&["--min-psnr", "20"]));
+    json_of(&render(&["--min-fps", "0.001"]));
     for (wish, expected) in [
         (&["--quality", "wild"][..], "fast"),
         (&["--min-psnr", "1000"], "99.00 dB"),
@@ -94,10 +67,8 @@ fn a_sweep_measures_reports_and_stores_settings_that_render_accepts() {
 
     // Stored settings can be applied to a file.
     let convert = ["convert", "scene.strivec", "-o", "fast.strivec", "--quality", "fast", "--quiet"];
-    let converted = run(env!("CARGO_BIN_EXE_strivec-pack"), folder, &convert);
-    assert!(converted.status.success(), "{}", String::from_utf8_lossy(&converted.stderr));
-    let verified = run(env!("CARGO_BIN_EXE_strivec-pack"), folder, &["verify", "fast.strivec"]);
-    assert!(verified.status.success(), "{}", String::from_utf8_lossy(&verified.stderr));
+    run_program(PACK, folder, &convert);
+    run_program(PACK, folder, &["verify", "fast.strivec"]);
 }
 
 #[test]
@@ -106,13 +77,13 @@ fn a_sweep_resumes_and_refuses_the_log_of_another() {
     let folder = folder.path();
     fs::copy(FIXTURE, folder.join("scene.strivec")).unwrap();
     let arguments = sweep("48", "0", &["--threads-list", "1"]);
-    let first = json(&strivec(folder, &arguments));
+    let first = json_of(&strivec(folder, &arguments));
     let log = folder.join("trade/visits.jsonl");
     let whole = fs::read_to_string(&log).unwrap();
     // As if it had been stopped while it wrote a line.
     let cut = whole.len() / 2;
     fs::write(&log, &whole[..cut]).unwrap();
-    let again = json(&strivec(folder, &arguments));
+    let again = json_of(&strivec(folder, &arguments));
     let kept = whole[..cut].lines().count() - 1;
     let now = fs::read_to_string(&log).unwrap();
     assert!(now.lines().take(kept).eq(whole.lines().take(kept)), "measured pictures were measured again");

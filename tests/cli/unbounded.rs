@@ -1,11 +1,11 @@
 //! Scenes that fill all photographs to their edges: the prior in contracted space, tensors in the shell, bounds that stay;
 //! the dataset's points as the prior.
 
+use crate::command::{printed, run, strivec, text};
 use crate::scenes;
 
 use std::fs;
 use std::ops::ControlFlow;
-use std::process::Command;
 
 use glam::{DVec3, UVec3};
 use image::{Rgb, RgbImage};
@@ -147,12 +147,9 @@ fn written(share: f64) -> TempDir {
 /// The messages of `strivec plan` for the walls with [`points`] of `share`.
 fn planned(share: f64) -> String {
     let folder = written(share);
-    let mut command = Command::new(env!("CARGO_BIN_EXE_strivec"));
-    command.arg("plan").arg(folder.path()).arg("--config").arg(folder.path().join("settings.toml"));
-    let found = command.output().unwrap();
-    let said = String::from_utf8(found.stderr).unwrap();
-    assert!(found.status.success(), "{said}");
-    said
+    let planned = strivec(folder.path(), &["plan", ".", "--config", "settings.toml"]);
+    printed(&planned);
+    text(&planned.stderr)
 }
 
 #[test]
@@ -161,10 +158,8 @@ fn a_trained_file_has_viewpoints_where_its_photographs_were_taken() {
     let settings = TrainConfig { steps: 2, occupancy_at: vec![], shell: Some(0.4), ..config() };
     let settings = TrainConfig { inner_box: None, near_far: None, ..settings };
     fs::write(folder.path().join("settings.toml"), settings.to_toml()).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_strivec"));
-    command.current_dir(folder.path()).args(["train", ".", "--config", "settings.toml", "-o", "walls.strivec"]);
-    let found = command.args(["--prior", "points.ply", "--quiet"]).output().unwrap();
-    assert!(found.status.success(), "{}", String::from_utf8_lossy(&found.stderr));
+    let train = ["train", ".", "--config", "settings.toml", "-o", "walls.strivec"];
+    run(folder.path(), &[&train[..], &["--prior", "points.ply", "--quiet"]].concat());
     let bytes = fs::read(folder.path().join("walls.strivec")).unwrap();
     let file = container::decode_scene_file(&bytes, container::Limits::default()).unwrap();
     let views = file.metadata.views.unwrap();

@@ -2,11 +2,12 @@
 //! are escaped in every output of both commands (spec 10).
 #![cfg(unix)]
 
+use crate::command::{output_of, text};
 use crate::scenes;
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use strivec_format::container::{
     Codec, EncodeOptions, Encoding, Metadata, Quality, Section, SectionKind, UnknownSection, encode_scene_file,
@@ -69,10 +70,9 @@ fn check(output: &Output, arguments: &[&str]) {
 /// Runs `program` and returns both streams, which hold nothing raw.
 #[track_caller]
 fn run(program: &str, folder: &Path, arguments: &[&str]) -> String {
-    let output = Command::new(program).current_dir(folder).args(arguments).output().unwrap();
+    let output = output_of(program, folder, arguments);
     check(&output, arguments);
-    let [stdout, stderr] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
-    stdout + &stderr
+    text(&output.stdout) + &text(&output.stderr)
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn no_command_on_a_scene_prints_texts_raw() {
         run(program, folder, &arguments);
     }
     // The values are whole in JSON.
-    let output = Command::new(pack).current_dir(folder).args(["--json", "notes", FILE]).output().unwrap();
+    let output = output_of(pack, folder, &["--json", "notes", FILE]);
     let notes: std::collections::BTreeMap<String, String> = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(notes[EVIL], EVIL);
 }

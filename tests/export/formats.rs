@@ -17,42 +17,8 @@ use strivec_export::{
 use strivec_format::color::byte;
 use strivec_format::geometry::{Aabb, Similarity};
 use strivec_format::model::{Occupancy, ReferenceField, Scene};
-use strivec_import::{Fault, Input, Point, ReadOptions, Visitor, arrays, gltf, obj, ply};
-
-/// Everything that a reader finds.
-#[derive(Default)]
-struct Seen {
-    points: Vec<Point>,
-    triangles: Vec<[Point; 3]>,
-    cells: Vec<Aabb>,
-    splats: Vec<(Point, [DVec3; 3])>,
-}
-
-impl Visitor for Seen {
-    fn point(&mut self, point: Point) -> Result<(), Fault> {
-        self.points.push(point);
-        Ok(())
-    }
-
-    fn splat(&mut self, center: Point, axes: [DVec3; 3]) -> Result<(), Fault> {
-        self.splats.push((center, axes));
-        Ok(())
-    }
-
-    fn triangle(&mut self, corners: [Point; 3]) -> Result<(), Fault> {
-        self.triangles.push(corners);
-        Ok(())
-    }
-
-    fn cell(&mut self, cell: &Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
-        self.cells.push(*cell);
-        Ok(())
-    }
-
-    fn progress(&mut self, _: u64, _: u64) -> Result<(), Fault> {
-        Ok(())
-    }
-}
+use strivec_import::testing::{Seen, seen_with};
+use strivec_import::{Fault, Input, ReadOptions, Visitor, arrays, gltf, obj, ply};
 
 type Read = fn(&mut Input<'_>, &ReadOptions, &mut dyn Visitor) -> Result<(), Fault>;
 
@@ -61,9 +27,7 @@ fn read_glb(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
 }
 
 fn seen(bytes: &[u8], read: Read) -> Seen {
-    let mut seen = Seen::default();
-    read(&mut Input::from_bytes(bytes), &ReadOptions::default(), &mut seen).unwrap();
-    seen
+    seen_with(bytes, &ReadOptions::default(), read).unwrap()
 }
 
 /// A scene whose tensors are a ball of random densities, turned and moved in dataset space.

@@ -8,9 +8,7 @@ use std::ops::ControlFlow;
 use glam::{DQuat, DVec3, IVec3, UVec3};
 use strivec_capture::dataset::{Dataset, LoadOptions, Photograph, Pixels, load};
 use strivec_capture::prior::coarse::reconstruct;
-use strivec_capture::prior::{
-    CoarseOptions, Error, ScaleShape, VoxelBoxes, canonical_map, place_at, place_on_boxes, place_on_points,
-};
+use strivec_capture::prior::{CoarseOptions, Error, ScaleShape, VoxelBoxes, canonical_map, place_on_boxes};
 use strivec_format::geometry::{Aabb, Camera, Lattice, Ray, Similarity};
 use strivec_format::model::{Placement, TensorCloud};
 use strivec_train::{BootstrapOptions, PrepareError, TrainConfig, bootstrap_prior};
@@ -226,30 +224,12 @@ fn boxes_inside_a_cell_and_across_many_occupy_what_they_overlap() {
 }
 
 #[test]
-fn points_occupy_the_cell_that_holds_them() {
-    let points = [DVec3::new(1.0, 1.0, 1.0), DVec3::new(1.3, 1.0, 1.05), DVec3::new(1.1 + 0.2, 1.0, 1.0)];
-    let cloud = place_on_points(&points, &ScaleShape::cubic(0.1, 0.2, 4)).unwrap();
-    assert_eq!(cells(&cloud), [UVec3::ZERO, UVec3::new(3, 0, 0)], "points on a face, up to rounding, are in one cell");
-    let broken = [DVec3::ZERO, DVec3::new(0.0, f64::NAN, 0.0)];
-    let error = place_on_points(&broken, &ScaleShape::cubic(0.1, 0.2, 4)).unwrap_err();
-    assert!(matches!(error, Error::NotFinite { what: "point", index: 1, .. }), "{error}");
-}
-
-#[test]
-fn explicit_centers_are_sorted_and_distinct() {
-    let centers = [DVec3::Z, DVec3::X, DVec3::new(-0.0, 0.0, 0.0), DVec3::Y, DVec3::ZERO, DVec3::X];
-    let cloud = place_at(&centers, &ScaleShape::cubic(1.0, 2.0, 4)).unwrap();
-    assert_eq!(cloud.placement, Placement::Explicit { centers: vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z] });
-    let broken = place_at(&[DVec3::INFINITY], &ScaleShape::cubic(1.0, 2.0, 4)).unwrap_err();
-    assert!(matches!(broken, Error::NotFinite { what: "center", index: 0, .. }), "{broken}");
-}
-
-#[test]
 fn placement_refuses_nothing_broken_shapes_and_endless_lattices() {
     let shape = ScaleShape::cubic(0.1, 0.2, 4);
-    assert_eq!(place_at(&[], &shape), Err(Error::NothingToPlace { what: "center" }));
-    assert_eq!(place_on_points(&[], &shape), Err(Error::NothingToPlace { what: "point" }));
-    assert!(place_on_boxes(&voxels(DVec3::ZERO, 1.0, &[]), &shape).is_err());
+    let nothing = place_on_boxes(&voxels(DVec3::ZERO, 1.0, &[]), &shape);
+    assert_eq!(nothing, Err(Error::NothingToPlace { what: "occupied box" }));
+    let broken = place_on_boxes(&voxels(DVec3::new(0.0, f64::NAN, 0.0), 1.0, &[[0, 0, 0]]), &shape).unwrap_err();
+    assert!(matches!(broken, Error::NotFinite { what: "occupied box", index: 0, .. }), "{broken}");
     let one = voxels(DVec3::ZERO, 1.0, &[[0, 0, 0]]);
     for broken in [
         ScaleShape { pitch: [0.0, 1.0, 1.0], ..shape },
@@ -262,8 +242,8 @@ fn placement_refuses_nothing_broken_shapes_and_endless_lattices() {
         let error = place_on_boxes(&one, &ScaleShape::cubic(pitch, pitch, 1)).unwrap_err();
         assert!(matches!(error, Error::TooManyCells { .. }), "{error}");
     }
-    let apart = [DVec3::ZERO, DVec3::splat(1e9)];
-    assert!(matches!(place_on_points(&apart, &shape), Err(Error::TooManyCells { .. })), "past 2^31 cells");
+    let apart = voxels(DVec3::ZERO, 1e9, &[[0, 0, 0], [1, 1, 1]]);
+    assert!(matches!(place_on_boxes(&apart, &shape), Err(Error::TooManyCells { .. })), "past 2^31 cells");
 }
 
 #[test]

@@ -6,43 +6,28 @@ use super::capture::Capture;
 use super::shot::Split;
 use super::{Error, Scan, colmap, files, llff, metashape, nsvf, scannet, transforms};
 
-/// How photographs and their poses lie in a folder.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Layout {
-    /// `transforms_train.json` and its kin, of NeRF-synthetic.
-    Blender,
-    /// One `transforms.json`, of Instant-NGP and nerfstudio.
-    Transforms,
-    /// `cameras` and `images` of a sparse reconstruction, and `images/`.
-    Colmap,
-    /// `intrinsics.txt`, `pose/` and `rgb/`, of Tanks and Temples.
-    Nsvf,
-    /// `poses_bounds.npy` and `images/`.
-    Llff,
-    /// `pose/` and `color/`.
-    ScanNet,
-    /// `cameras.xml` and `images/`.
-    Metashape,
+strivec_format::named! {
+    /// How photographs and their poses lie in a folder, in the order in which a folder is compared with layouts.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+    pub enum Layout {
+        /// `transforms_train.json` and its kin, of NeRF-synthetic.
+        Blender = "blender",
+        /// One `transforms.json`, of Instant-NGP and nerfstudio.
+        Transforms = "transforms",
+        /// `cameras` and `images` of a sparse reconstruction, and `images/`.
+        Colmap = "colmap",
+        /// `intrinsics.txt`, `pose/` and `rgb/`, of Tanks and Temples.
+        Nsvf = "nsvf",
+        /// `pose/` and `color/`.
+        ScanNet = "scannet",
+        /// `poses_bounds.npy` and `images/`.
+        Llff = "llff",
+        /// `cameras.xml` and `images/`.
+        Metashape = "metashape",
+    }
 }
 
 impl Layout {
-    /// All layouts, in the order in which a folder is compared with them.
-    pub const ALL: [Self; 7] =
-        [Self::Blender, Self::Transforms, Self::Colmap, Self::Nsvf, Self::ScanNet, Self::Llff, Self::Metashape];
-
-    /// Name of the layout, as in options and messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Blender => "blender",
-            Self::Transforms => "transforms",
-            Self::Colmap => "colmap",
-            Self::Nsvf => "nsvf",
-            Self::Llff => "llff",
-            Self::ScanNet => "scannet",
-            Self::Metashape => "metashape",
-        }
-    }
-
     /// The files by which it is recognized.
     pub fn files(self) -> &'static str {
         match self {

@@ -31,28 +31,16 @@ pub(super) struct Shot {
     pub(super) split: Option<Split>,
 }
 
-/// Part of a dataset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Split {
-    /// Photographs to train on.
-    Train,
-    /// Photographs to choose settings by.
-    Validation,
-    /// Photographs to measure by.
-    Test,
-}
-
-impl Split {
-    /// All splits.
-    pub const ALL: [Self; 3] = [Self::Train, Self::Validation, Self::Test];
-
-    /// Name of the split on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Train => "train",
-            Self::Validation => "val",
-            Self::Test => "test",
-        }
+strivec_format::named! {
+    /// Part of a dataset.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub enum Split {
+        /// Photographs to train on.
+        Train = "train",
+        /// Photographs to choose settings by.
+        Validation = "val",
+        /// Photographs to measure by.
+        Test = "test",
     }
 }
 

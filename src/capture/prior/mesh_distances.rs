@@ -64,10 +64,6 @@ impl Visitor for FileTriangles {
     fn cell(&mut self, _cell: &Aabb, _color: Option<[u8; 3]>) -> Result<(), Fault> {
         Ok(())
     }
-
-    fn progress(&mut self, _done: u64, _total: u64) -> Result<(), Fault> {
-        Ok(())
-    }
 }
 
 /// \[height\]\[width\] the distance along each pixel's ray to the first triangle; infinite if there is none. Triangles that

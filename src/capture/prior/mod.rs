@@ -39,7 +39,7 @@ pub use location::{Location, cells_around, locate, match_points};
 pub use mesh_distances::{MAX_TRIANGLES, mesh_distances};
 pub use outliers::Outliers;
 pub use overlay::{Shading, distance_range, overlay};
-pub use placement::{ScaleShape, place_at, place_on_boxes, place_on_points};
+pub use placement::{ScaleShape, place_on_boxes};
 pub use sparse_voxel_tree::{FirstHit, SparseVoxelTree};
 pub use unbounded::Unbounded;
 pub use voxel_boxes::VoxelBoxes;

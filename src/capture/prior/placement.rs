@@ -1,6 +1,6 @@
 //! Tensors in occupied space, on one lattice per scale (paper, "Distributing local tensors").
 //!
-//! In: occupied boxes or points in the model's space, and a [`ScaleShape`]. Out: a [`TensorCloud`] in canonical order.
+//! In: occupied boxes in the model's space, and a [`ScaleShape`]. Out: a [`TensorCloud`] in canonical order.
 //! Boxes are rasterized as boxes: every lattice cell that shares volume with one gets a tensor. Their centers alone
 //! would leave holes in a lattice that is finer than the boxes.
 
@@ -12,7 +12,7 @@ use super::{Error, VoxelBoxes};
 use strivec_format::geometry::{Aabb, Lattice};
 use strivec_format::model::{Placement, TensorCloud};
 
-/// Distance in cells that counts as rounding: for a box that reaches into a cell, or a point before a face.
+/// Distance in cells that counts as rounding, for a box that reaches into a cell.
 const FUZZ: f64 = 1e-6;
 /// (box, cell) pairs; each takes 12 bytes.
 const MAX_VISITS: u64 = 1 << 27;
@@ -33,10 +33,6 @@ impl ScaleShape {
     /// A shape with the same values on all axes.
     pub fn cubic(pitch: f64, edge: f64, resolution: u32) -> Self {
         Self { pitch: [pitch; 3], edge: [edge; 3], resolution: [resolution; 3] }
-    }
-
-    fn cloud(&self, placement: Placement) -> TensorCloud {
-        TensorCloud { placement, half_edge: 0.5 * DVec3::from(self.edge), resolution: self.resolution }
     }
 
     fn check(&self) -> Result<(), Error> {
@@ -61,58 +57,20 @@ impl ScaleShape {
 ///
 /// If the shape is out of range, there are no boxes, a box is not finite, or there are too many cells.
 pub fn place_on_boxes(boxes: &VoxelBoxes, shape: &ScaleShape) -> Result<TensorCloud, Error> {
-    rasterize("occupied box", boxes.boxes(), boxes.cells.len(), shape)
-}
-
-/// A tensor at the center of every cell that contains one of `points`, on a lattice whose origin is their minimum. A
-/// point on a face, within a millionth of a cell, belongs to the larger cell.
-///
-/// # Errors
-///
-/// If the shape is out of range, there are no points, a point is not finite, or there are too many cells.
-pub fn place_on_points(points: &[DVec3], shape: &ScaleShape) -> Result<TensorCloud, Error> {
-    rasterize("point", points.iter().map(|&p| Aabb { min: p, max: p }), points.len(), shape)
-}
-
-/// A tensor at each of `centers`, sorted and without duplicates. The pitch of `shape` is not used.
-///
-/// # Errors
-///
-/// If the shape is out of range, there are no centers, or a center is not finite.
-pub fn place_at(centers: &[DVec3], shape: &ScaleShape) -> Result<TensorCloud, Error> {
+    const WHAT: &str = "occupied box";
     shape.check()?;
-    refuse_nothing("center", centers.len())?;
-    // Adding 0 turns −0 into 0, which compares equal and must sort equal.
-    let mut centers: Vec<_> = centers.iter().map(|&c| c + 0.0).collect();
-    if let Some(index) = centers.iter().position(|c| !c.is_finite()) {
-        return Err(Error::NotFinite { what: "center", index, found: centers[index].to_string() });
+    if boxes.cells.is_empty() {
+        return Err(Error::NothingToPlace { what: WHAT });
     }
-    let key = |c: &DVec3| [c.z, c.y, c.x];
-    centers.sort_by(|a, b| key(a).partial_cmp(&key(b)).unwrap_or(std::cmp::Ordering::Equal));
-    centers.dedup();
-    Ok(shape.cloud(Placement::Explicit { centers }))
-}
-
-fn refuse_nothing(what: &'static str, count: usize) -> Result<(), Error> {
-    if count == 0 { Err(Error::NothingToPlace { what }) } else { Ok(()) }
-}
-
-fn rasterize(
-    what: &'static str,
-    boxes: impl Iterator<Item = Aabb> + Clone,
-    count: usize,
-    shape: &ScaleShape,
-) -> Result<TensorCloud, Error> {
-    shape.check()?;
-    refuse_nothing(what, count)?;
-    if let Some((index, found)) = boxes.clone().enumerate().find(|(_, b)| !(b.min.is_finite() && b.max.is_finite())) {
-        return Err(Error::NotFinite { what, index, found: format!("{found:?}") });
+    let finite = |b: &Aabb| b.min.is_finite() && b.max.is_finite();
+    if let Some((index, found)) = boxes.boxes().enumerate().find(|(_, b)| !finite(b)) {
+        return Err(Error::NotFinite { what: WHAT, index, found: format!("{found:?}") });
     }
-    let origin = boxes.clone().fold(Aabb::EMPTY, |all, b| all.union(&b)).min;
+    let origin = boxes.boxes().fold(Aabb::EMPTY, |all, b| all.union(&b)).min;
     let lattice = Lattice { origin, pitch: shape.pitch.into() };
     let too_many = || Error::TooManyCells { pitch: shape.pitch, limit: MAX_VISITS, remedy: Remedy::LargerPitch };
     let mut visits = 0_u64;
-    for b in boxes.clone() {
+    for b in boxes.boxes() {
         let (first, last) = touched(&lattice, &b).ok_or_else(too_many)?;
         let cells = (last - first + 1).to_array().map(u64::from).into_iter();
         visits = cells.fold(1, u64::saturating_mul).saturating_add(visits);
@@ -122,7 +80,7 @@ fn rasterize(
     }
     // (z, y, x), the canonical order.
     let mut cells = Vec::with_capacity(visits as usize);
-    for b in boxes {
+    for b in boxes.boxes() {
         let (first, last) = touched(&lattice, &b).ok_or_else(too_many)?;
         for z in first.z..=last.z {
             for y in first.y..=last.y {
@@ -133,10 +91,11 @@ fn rasterize(
     cells.sort_unstable();
     cells.dedup();
     let cells = cells.into_iter().map(|[z, y, x]| UVec3::new(x, y, z)).collect();
-    Ok(shape.cloud(Placement::Lattice { lattice, cells }))
+    let placement = Placement::Lattice { lattice, cells };
+    Ok(TensorCloud { placement, half_edge: 0.5 * DVec3::from(shape.edge), resolution: shape.resolution })
 }
 
-/// The first and the last cell that `b` shares volume with, or that contains it if it is a point or thinner than
+/// The first and the last cell that `b` shares volume with, or that contains it if it is thinner than
 /// [`FUZZ`]; `None` past 2^31 cells. The origin of the lattice must not exceed the box.
 fn touched(lattice: &Lattice, b: &Aabb) -> Option<(UVec3, UVec3)> {
     let first = ((b.min - lattice.origin) / lattice.pitch + FUZZ).floor().max(DVec3::ZERO);

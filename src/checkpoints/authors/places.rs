@@ -158,8 +158,4 @@ impl Visitor for RoundedPoints {
     fn cell(&mut self, _: &Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
         Err(Fault::unsupported("a file of cells", "give a file of points"))
     }
-
-    fn progress(&mut self, _: u64, _: u64) -> Result<(), Fault> {
-        Ok(())
-    }
 }

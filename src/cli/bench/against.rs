@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::process::{json_of, output_of, this_build};
 use super::report;
 use crate::bench::lab::{BuildComparison, by_turns};
+use crate::numbers::{POSITIVE, in_range};
 use crate::table::{Table, plural};
 use crate::{Context, Error};
 
@@ -31,7 +32,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..))]
     rounds: u16,
     /// Fail with exit code 4 if this build's median is more than R times the other's [default: never]
-    #[arg(long, value_name = "R", value_parser = ratio)]
+    #[arg(long, value_name = "R", value_parser = in_range(POSITIVE, "a positive ratio"))]
     fail_above: Option<f64>,
     /// Compare this number of the command's JSON, such as /points/0/seconds/median [default: the wall time]
     #[arg(long, value_name = "POINTER", requires = "command")]
@@ -39,13 +40,6 @@ pub(super) struct Args {
     /// Command that both builds run, after --
     #[arg(last = true, value_name = "COMMAND")]
     command: Vec<String>,
-}
-
-fn ratio(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err(format!("{text:?} is not a positive ratio")),
-    }
 }
 
 /// A command that both builds run.

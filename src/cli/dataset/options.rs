@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::named_value::one_of;
+use crate::numbers::in_range;
 use crate::quantity;
 use strivec_capture::dataset::{Holdout, Layout, LoadOptions};
 
@@ -27,12 +28,8 @@ pub(crate) struct DatasetOptions {
     /// Turn the dataset about its z axis, as the paper does to measure how much a model depends on the axes; points, meshes and
     /// boxes that come with it are then left out
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, hide_default_value = true, allow_hyphen_values = true,
-        value_parser = angle, help_heading = "Dataset")]
+        value_parser = in_range(f64::MIN..=f64::MAX, "a number of degrees"), help_heading = "Dataset")]
     turn: f64,
-}
-
-fn angle(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|degrees: &f64| degrees.is_finite()).ok_or_else(|| "not a number of degrees".into())
 }
 
 /// The text of the default of [`LoadOptions::max_memory`].

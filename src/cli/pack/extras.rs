@@ -2,6 +2,7 @@
 
 use super::encoding::LayoutArgs;
 use crate::Error;
+use crate::numbers::in_range;
 use strivec_train::recipe::PackOptions;
 
 /// What a file holds beside its scene, and the effort of measuring.
@@ -22,18 +23,12 @@ pub(super) struct Extras {
     #[arg(long, value_name = "TEXT")]
     license: Option<String>,
     /// Multiple of the usual number of rays for measuring and fitting, 0.001 to 100: 0.1 is quick, 4 is thorough
-    #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = effort)]
+    #[arg(long, value_name = "F", default_value_t = 1.0,
+        value_parser = in_range(PackOptions::MIN_EFFORT..=100.0, "a number from 0.001 to 100"))]
     effort: f64,
     /// Random seed
     #[arg(long, default_value_t = 0)]
     pub(super) seed: u64,
-}
-
-fn effort(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if (PackOptions::MIN_EFFORT..=100.0).contains(&value) => Ok(value),
-        _ => Err("not a number from 0.001 to 100".into()),
-    }
 }
 
 impl Extras {

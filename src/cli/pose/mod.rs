@@ -18,6 +18,7 @@ use std::process::Command;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
+use super::numbers::in_range;
 use super::output::make_folder;
 use super::progress::Progress;
 use super::table::plural;
@@ -64,7 +65,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "N", default_value_t = 150, value_parser = clap::value_parser!(u32).range(3..=100_000))]
     frames: u32,
     /// Time between two frames of a video, in seconds, at least
-    #[arg(long, value_name = "S", default_value_t = 0.2, value_parser = seconds)]
+    #[arg(long, value_name = "S", default_value_t = 0.2, value_parser = in_range(0.0..=f64::MAX, "a time in seconds"))]
     min_gap: f64,
     #[command(flatten)]
     options: Options,
@@ -302,8 +303,4 @@ impl PoseRun<'_> {
         let text: String = names.map(|name| name + "\n").collect();
         write_atomically(&self.capture.path(PICTURES), text.as_bytes(), true)
     }
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|s: &f64| s.is_finite() && *s >= 0.0).ok_or_else(|| "not a time in seconds".into())
 }

@@ -10,6 +10,7 @@ use std::time::Instant;
 use cells::Cells;
 use report::{Report, ScaleUse};
 
+use super::numbers::{POSITIVE, in_range};
 use super::output::check_scene_name;
 use super::settings::{Basics, Precision, Preset};
 use super::state_file::{StateFile, run_steps};
@@ -82,12 +83,8 @@ struct ShrinkTarget {
     #[arg(long, value_name = "N", value_parser = quantity::count)]
     max_params: Option<u64>,
     /// Shrink as far as possible with a PSNR loss of about DB at most on training rays
-    #[arg(long, value_name = "DB", value_parser = loss, conflicts_with = "resume")]
+    #[arg(long, value_name = "DB", value_parser = in_range(POSITIVE, "a positive number of dB"), conflicts_with = "resume")]
     max_loss: Option<f64>,
-}
-
-fn loss(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|db: &f64| db.is_finite() && *db > 0.0).ok_or_else(|| "not a positive number of dB".into())
 }
 
 /// Shrinks, and reports the result.

@@ -44,11 +44,6 @@ impl RayPath {
         }
     }
 
-    /// The ray.
-    pub fn ray(&self) -> &Ray {
-        &self.ray
-    }
-
     /// The contraction and the spacing of samples; `None` if the path is straight.
     pub fn contraction(&self) -> Option<&(Contraction, Spacing)> {
         self.contraction.as_ref()

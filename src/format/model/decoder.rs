@@ -15,32 +15,22 @@ pub struct Linear {
     pub bias: Vec<f32>,
 }
 
-/// The points of a ray at which the decoder is evaluated (spec 4.8).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
-pub enum DecoderMode {
-    /// At every shaded sample; colors are composited (the paper).
-    PerSample,
-    /// Once for each ray, on composited features.
-    PerRay,
-    /// Once for each ray, on composited features. Before the sigmoid, the output is added to the first three features
-    /// of each shaded sample, so that samples have their own colors. Colors are composited.
-    Residual,
+crate::named! {
+    /// The points of a ray at which the decoder is evaluated (spec 4.8).
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+    pub enum DecoderMode {
+        /// At every shaded sample; colors are composited (the paper).
+        PerSample = "per-sample",
+        /// Once for each ray, on composited features.
+        PerRay = "per-ray",
+        /// Once for each ray, on composited features. Before the sigmoid, the output is added to the first three features
+        /// of each shaded sample, so that samples have their own colors. Colors are composited.
+        Residual = "residual",
+    }
 }
 
 impl DecoderMode {
-    /// All modes.
-    pub const ALL: [Self; 3] = [Self::PerSample, Self::PerRay, Self::Residual];
-
-    /// The name in configurations and on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::PerSample => "per-sample",
-            Self::PerRay => "per-ray",
-            Self::Residual => "residual",
-        }
-    }
-
     /// The smallest number of appearance features P of this mode.
     pub fn min_features(self) -> u32 {
         if self == Self::Residual { 3 } else { 1 }

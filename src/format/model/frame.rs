@@ -6,22 +6,24 @@ use crate::Invalid;
 use crate::digits::{number, numbers};
 use crate::geometry::Similarity;
 
-/// The axis of a right-handed space that points up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
-pub enum UpAxis {
-    /// +x.
-    X,
-    /// +y, as in glTF.
-    Y,
-    /// +z, as in Blender.
-    Z,
-    /// −x.
-    MinusX,
-    /// −y, as in OpenCV and COLMAP.
-    MinusY,
-    /// −z.
-    MinusZ,
+crate::named! {
+    /// The axis of a right-handed space that points up.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(rename_all = "kebab-case"))]
+    pub enum UpAxis {
+        /// +x.
+        X = "x",
+        /// +y, as in glTF.
+        Y = "y",
+        /// +z, as in Blender.
+        Z = "z",
+        /// −x.
+        MinusX = "-x",
+        /// −y, as in OpenCV and COLMAP.
+        MinusY = "-y",
+        /// −z.
+        MinusZ = "-z",
+    }
 }
 
 /// Color spaces.
@@ -53,9 +55,6 @@ pub struct Frame {
 }
 
 impl UpAxis {
-    /// All axes.
-    pub const ALL: [Self; 6] = [Self::X, Self::Y, Self::Z, Self::MinusX, Self::MinusY, Self::MinusZ];
-
     /// The unit vector along the axis.
     pub fn vector(self) -> DVec3 {
         match self {
@@ -79,18 +78,6 @@ impl UpAxis {
             Self::MinusX => DMat3::from_cols(-z, y, x),
             Self::MinusY => DMat3::from_cols(x, -z, y),
             Self::MinusZ => DMat3::from_cols(x, -y, -z),
-        }
-    }
-
-    /// The name on the command line: `x`, `y`, `z`, `-x`, `-y`, `-z`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::X => "x",
-            Self::Y => "y",
-            Self::Z => "z",
-            Self::MinusX => "-x",
-            Self::MinusY => "-y",
-            Self::MinusZ => "-z",
         }
     }
 

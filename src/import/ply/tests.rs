@@ -358,9 +358,6 @@ fn a_visitor_can_end_it() {
         fn cell(&mut self, _: &strivec_format::geometry::Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
             Ok(())
         }
-        fn progress(&mut self, _: u64, _: u64) -> Result<(), Fault> {
-            Ok(())
-        }
     }
     let file = mesh("ascii", true);
     let result = read(&mut super::Input::from_bytes(&file), &ReadOptions::default(), &mut Stopping);

@@ -28,10 +28,6 @@ pub struct Lossy {
     pub scene: Scene,
     /// The options to write it with.
     pub options: EncodeOptions,
-    /// The estimated mean squared error of pictures.
-    pub expected_error: f64,
-    /// Share of components that were dropped, in \[0, 1\].
-    pub dropped: f64,
 }
 
 /// Chooses the quantization steps at which h·step² is `loss` for every component of `scene`, `of_first` times that for those of
@@ -39,7 +35,6 @@ pub struct Lossy {
 pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64, of_first: f64) -> Lossy {
     let mut scene = scene.clone();
     let mut codes = Vec::new();
-    let (mut expected_error, mut dropped, mut all) = (0.0, 0u64, 0u64);
     for (s, scale) in scene.scales.iter_mut().enumerate() {
         let loss = if s == 0 { of_first * loss } else { loss };
         let resolution = scale.cloud.resolution;
@@ -49,26 +44,18 @@ pub fn lossy(scene: &Scene, importance: &FactorImportance, loss: f64, of_first: 
             let tensor = block.tensor_len(resolution);
             let BlockImportance { entries: of_entries, components } = importance;
             let importance = of_entries.par_chunks_exact(tensor).zip(components.par_chunks_exact(rank));
-            let choices: Vec<ComponentEncoding> = (block.values.par_chunks_exact_mut(tensor).zip(importance))
+            let steps: Vec<u8> = (block.values.par_chunks_exact_mut(tensor).zip(importance))
                 .flat_map_iter(|(values, (importance, absent))| {
                     let choose = |c: usize| choose(values, importance, absent[c], rank, c, &factors, loss);
                     (0..rank).map(choose).collect::<Vec<_>>()
                 })
                 .collect();
-            let mut steps = Vec::with_capacity(choices.len());
-            for choice in choices {
-                all += 1;
-                dropped += u64::from(choice.is_dropped);
-                expected_error += choice.error;
-                steps.push(choice.step);
-            }
             of_scale.push(steps);
         }
         let of_appearance = of_scale.split_off(scale.factors.density.len());
         codes.push([of_scale, of_appearance]);
     }
-    let options = options_of(codes);
-    Lossy { scene, options, expected_error, dropped: dropped as f64 / all.max(1) as f64 }
+    Lossy { scene, options: options_of(codes) }
 }
 
 /// The encoding in which density and appearance have \[scale\]\[block\]\[tensor\]\[component\] steps of these codes.
@@ -84,13 +71,6 @@ pub(super) fn options_of(codes: Vec<[Vec<Vec<u8>>; 2]>) -> EncodeOptions {
     }
 }
 
-/// The encoding of one component of a tensor.
-struct ComponentEncoding {
-    is_dropped: bool,
-    step: u8,
-    error: f64,
-}
-
 /// Chooses the step of component `c` of a tensor and scales its `factors`, given its `values`, their `importance`, and what it
 /// costs if the component is `absent`. Writes zeros if it is dropped.
 fn choose(
@@ -101,7 +81,7 @@ fn choose(
     c: usize,
     factors: &[Range<usize>],
     loss: f64,
-) -> ComponentEncoding {
+) -> u8 {
     // √ of the mean importance of a factor's entries.
     let size = |rows: &Range<usize>| {
         let total: f64 = entries(rows, rank, c).map(|at| f64::from(importance[at])).sum();
@@ -110,7 +90,7 @@ fn choose(
     let sizes: Vec<f64> = factors.iter().map(size).collect();
     if absent <= 0.0 || sizes.contains(&0.0) {
         values.iter_mut().skip(c).step_by(rank).for_each(|v| *v = 0.0);
-        return ComponentEncoding { is_dropped: true, step: 0, error: absent };
+        return 0;
     }
     let size = scale_factors(values, rank, c, factors, &sizes);
     let square = |rows: &Range<usize>| entries(rows, rank, c).map(|at| f64::from(values[at]).powi(2)).sum::<f64>();
@@ -127,9 +107,8 @@ fn choose(
     let step = f64::from(step(code));
     let of_factor = |(rows, squares): (&Range<usize>, f64)| (rows.len() as f64 * step * step / 12.0).min(squares);
     let coded = size * size * factors.iter().zip(squares).map(of_factor).sum::<f64>();
-    let is_dropped = absent <= coded;
-    if is_dropped {
+    if absent <= coded {
         values.iter_mut().skip(c).step_by(rank).for_each(|v| *v = 0.0);
     }
-    ComponentEncoding { is_dropped, step: code, error: if is_dropped { absent } else { coded } }
+    code
 }

@@ -210,36 +210,22 @@ impl ShaderShape {
     }
 }
 
-/// The stages of a batch, in order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ShaderStage {
-    Rays,
-    March,
-    Compact,
-    Workgroups,
-    Decoder,
-    Resolve,
-    /// Only if normals are on.
-    Normals,
+strivec_format::named! {
+    /// The stages of a batch, in order.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    pub(super) enum ShaderStage {
+        Rays = "rays",
+        March = "march",
+        Compact = "compact",
+        Workgroups = "workgroups",
+        Decoder = "decoder",
+        Resolve = "resolve",
+        /// Only if normals are on.
+        Normals = "normals",
+    }
 }
 
 impl ShaderStage {
-    pub(super) const ALL: [Self; 7] =
-        [Self::Rays, Self::March, Self::Compact, Self::Workgroups, Self::Decoder, Self::Resolve, Self::Normals];
-
-    /// The stem of the shader's file.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Rays => "rays",
-            Self::March => "march",
-            Self::Compact => "compact",
-            Self::Workgroups => "workgroups",
-            Self::Decoder => "decoder",
-            Self::Resolve => "resolve",
-            Self::Normals => "normals",
-        }
-    }
-
     /// The shader's files after the prelude.
     fn files(self, shape: &ShaderShape) -> &'static [&'static str] {
         use strivec_shaders::{
