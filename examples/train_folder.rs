@@ -19,7 +19,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let steps: u64 = arguments.next().ok_or(usage)?.parse()?;
 
     let dataset = dataset::load(Path::new(&folder), "train", &LoadOptions::default())?;
-    let config = TrainConfig { batch_rays: 512, ..TrainConfig::preset("per-ray")?.with_steps(steps) };
+    let mut config = TrainConfig::preset("per-ray")?.with_steps(steps);
+    config.sampling.batch_rays = 512;
 
     // Where the scene is: a coarse reconstruction from the photographs (paper 3.3).
     let occupied = reconstruct_prior(&config, &dataset, &mut |_| ControlFlow::Continue(()))?;

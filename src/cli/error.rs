@@ -253,18 +253,16 @@ fn format_of(bytes: &[u8]) -> String {
 }
 
 /// Fields of the library's options whose flag has another name.
-const RENAMED: [(&str, &str); 6] = [
+const RENAMED: [(&str, &str); 5] = [
     ("max_reprojection_error", "--max-error"),
     ("budget", "--max-params or --max-size"),
-    ("batch_rays", "--batch"),
-    ("near_far", "--near and --far"),
+    ("near_far", "--set space.near_far"),
+    ("background", "--set photographs.background"),
     ("files", "--prior"),
-    ("sky_degree", "--sky"),
 ];
 /// Fields whose flag is the field's name with hyphens. Other fields, such as most of a configuration's, have no flag.
-const SAME: [&str; 26] = [
+const SAME: [&str; 25] = [
     "alpha",
-    "background",
     "bounds",
     "close",
     "crop",

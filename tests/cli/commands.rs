@@ -71,7 +71,7 @@ fn wrong_usage_is_1_and_says_so_on_standard_error() {
         &["eval", "a", "b", "--views", "5"],
         &["train", "a"],
         &["train", "a", "-o", "b", "--preset", "7"],
-        &["train", "a", "-o", "b", "--near", "2"],
+        &["train", "a", "-o", "b", "--set", "space.near_far=[2]"],
     ] {
         let output = run(folder.path(), arguments);
         assert_eq!(code(&output), 1, "{arguments:?}: {}", text(&output.stderr));
@@ -166,7 +166,7 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     fs::write(folder.path().join("short.toml"), short).unwrap();
     let plan = |more: &[&str]| run(folder.path(), &[&["plan", "toy", "--config", "short.toml"], more].concat());
 
-    let output = plan(&["--auto", "--max-params", "200k", "--full", "--json"]);
+    let output = plan(&["--auto", "--max-params", "200k", "--set", "lean.max_loss=0", "--json"]);
     assert_eq!(code(&output), 0, "{}", text(&output.stderr));
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let number = |name: &str| json[name].as_f64().unwrap_or_else(|| panic!("{name}: {json}"));
@@ -203,8 +203,11 @@ fn training_that_diverges_is_4_and_says_what_to_change() {
     let folder = TempDir::new().unwrap();
     let out = run(folder.path(), &["synth", "data", "--views", "4", "--test-views", "1", "--size", "24x24", "--quiet"]);
     assert_eq!(code(&out), 0, "{}", text(&out.stderr));
-    fs::write(folder.path().join("wild.toml"), "preset = \"24\"\nbatch_rays = 64\nfactor_learning_rate = 1e6\n")
-        .unwrap();
+    fs::write(
+        folder.path().join("wild.toml"),
+        "preset = \"24\"\nsampling.batch_rays = 64\noptimizer.factor_learning_rate = 1e6\n",
+    )
+    .unwrap();
     let prior = ["--prior", "data/mesh.ply", "--max-params", "400k", "--quiet"];
     let message = failure(
         &run(
@@ -222,11 +225,12 @@ fn shrink_asks_for_one_goal_and_writes_a_smaller_file_and_grow_a_larger_one() {
     let folder = TempDir::new().unwrap();
     let quiet = |arguments: &[&str]| run(folder.path(), &[arguments, &["--quiet"]].concat());
     assert_eq!(code(&quiet(&["synth", "data", "--views", "6", "--test-views", "1", "--size", "32x32"])), 0);
-    let small = "preset = \"48\"\nbatch_rays = 128\nupsample_at = []\noccupancy_at = [100]\n[[scales]]\npitch = [0.5, 0.5, 0.5]\nedge = [0.8, 0.8, 0.8]\n\
+    let small = "preset = \"48\"\nsampling.batch_rays = 128\nschedule = { upsample_at = [], occupancy_at = [100] }\n[[scales]]\npitch = [0.5, 0.5, 0.5]\nedge = [0.8, 0.8, 0.8]\n\
         resolutions = [[12, 12, 12]]\ndensity_rank = 8\nappearance_rank = 12\ntop_k = 2\n";
     fs::write(folder.path().join("small.toml"), small).unwrap();
-    let train = ["train", "data", "-o", "a.strivec", "--config", "small.toml", "--steps", "150", "--full"];
-    let known = ["--prior", "data/mesh.ply", "--near", "2.0154", "--far", "6.0463"];
+    let train =
+        ["train", "data", "-o", "a.strivec", "--config", "small.toml", "--steps", "150", "--set", "lean.max_loss=0"];
+    let known = ["--prior", "data/mesh.ply", "--set", "space.near_far=[2.0154, 6.0463]"];
     let trained = quiet(&[&train[..], &known].concat());
     assert_eq!(code(&trained), 0, "{}", text(&trained.stderr));
     let shrink = ["shrink", "a.strivec", "data", "-o", "b.strivec", "--config", "small.toml", "--steps", "60"];
