@@ -1,6 +1,6 @@
 """The commands of `strivec` and `strivec-pack` as functions.
 
-Arguments of a command come first, and options follow by name: `max_size="2MB"` is `--max-size 2MB`, `prune=True` is `--prune`,
+Arguments of a command come first, and options follow by name: `max_size="2MB"` is `--max-size 2MB`, `auto=True` is `--auto`,
 and a list repeats an option. Results are those of `--json`. `help(strivec.train)` names the usual options, and `strivec train --help`
 all.
 """
@@ -124,7 +124,7 @@ def train(
 ) -> Dict[str, Any]:
     """Trains a scene on the photographs of `dataset` and writes the file `output`; returns its size, parameters, steps and seconds.
 
-    `settings` are those of `settings()`. Usual options: steps, batch, downscale, seed, max_size="2MB", prior=["mesh.ply"], resume=True,
+    `settings` are those of `settings()`. Usual options: steps, downscale, seed, set=["lean.max_loss=0"], max_size="2MB", prior=["mesh.ply"], resume=True,
     checkpoint_every=1000, force=True (to overwrite).
     """
     return _with_settings(
