@@ -22,7 +22,7 @@ pub(super) struct Settings {
     preset: Option<Preset>,
     #[command(flatten)]
     pub(super) basics: Basics,
-    /// Optimizer steps; the whole schedule scales with them [default: the preset's]
+    /// Optimizer steps; the schedule scales with them [default: the preset's]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
 }
@@ -33,13 +33,16 @@ pub(super) struct Basics {
     /// TOML settings, as printed by `train --print-config`
     #[arg(long, value_name = "TOML")]
     pub(super) config: Option<PathBuf>,
-    /// Set one key of the TOML settings, as in lean.max_loss=0.05; repeatable, after --preset and --config
+    /// Set one key of the settings, as in lean.max_loss=0.05; repeatable
+    ///
+    /// Overrides --preset and --config. The key is that of `train --print-config`, with dots between tables and with indices
+    /// of lists, as in scales.0.top_k=2. The value is TOML; a single word needs no quotes.
     #[arg(long, value_name = "KEY=VALUE")]
     pub(super) set: Vec<String>,
     /// Random seed [default: the configuration's, else 0]
     #[arg(long, value_name = "S")]
     seed: Option<u64>,
-    /// Downscale photographs N times [default: 1, or as often as --max-memory requires]
+    /// Downscale photographs N times [default: to fit --max-memory]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Dataset")]
     downscale: Option<u32>,
     /// Use every Nth photograph only
@@ -126,17 +129,17 @@ impl Settings {
 #[derive(Clone, Debug, clap::Args)]
 #[group(id = "fitting", multiple = true)]
 pub(super) struct Fitting {
-    /// Choose tensors, resolutions and ranks by the scene's extent and the photographs' detail
+    /// Fit tensors and ranks to the scene's extent and the photographs' detail
     ///
-    /// Space that no photograph shows is dropped.
+    /// Resolutions are chosen as well, and space that no photograph shows is dropped.
     #[arg(long)]
     auto: bool,
-    /// Give up components until at most N parameters are left, as in 500k or 3.5M [default: no limit]
+    /// Keep at most N parameters, as in 500k or 3.5M [default: no limit]
     ///
-    /// With `--set lean.max_loss=0`, begin with no more: reduce resolution, then components, then fine scales.
+    /// Training gives up components until no more are left. With `--set lean.max_loss=0`, begin with no more: reduce resolution, then components, then fine scales.
     #[arg(long, value_name = "N", value_parser = quantity::count)]
     max_params: Option<u64>,
-    /// Train for a packaged file of at most SIZE, as in 2MB or 700kB [default: no limit]
+    /// Train for a file of at most SIZE, as in 2MB or 700kB [default: no limit]
     ///
     /// Components are given up until the rest fits with 3 bits for each number. A quarter of the steps more is then trained
     /// with numbers rounded as in the file.

@@ -29,8 +29,7 @@ const EXAMPLES: &str = "\
 Examples:
   strivec train lego -o lego.strivec --preset fast --steps 3000 --downscale 4
   strivec train --preset 48 --print-config > mine.toml
-  strivec train lego -o lego.strivec --config mine.toml --set schedule.prune=true
-  strivec train scan -o scan.strivec --prior mesh.ply --auto --max-size 10MB
+  strivec train scan -o scan.strivec --config mine.toml --prior mesh.ply --max-size 10MB
 
 Ctrl-C writes the checkpoint and stops with exit code 4; a second Ctrl-C stops at once.";
 
@@ -53,7 +52,7 @@ pub(super) struct Args {
     /// Print the resulting settings as TOML and exit
     #[arg(long, conflicts_with = "fitting")]
     pub(super) print_config: bool,
-    /// Keep dead components, those that no training ray uses [default: cleared after the last step]
+    /// Keep the components that no training ray uses [default: cleared after the last step]
     #[arg(long, hide_short_help = true)]
     pub(super) keep_dead: bool,
     /// Checkpoint of an unfinished run [default: OUTPUT.state]

@@ -8,13 +8,14 @@ use strivec_train::recipe::Prior;
 /// Prior options of commands that train.
 #[derive(Clone, Debug, clap::Args)]
 pub(crate) struct Inputs {
-    /// Occupied space from geometry, or from the output of `strivec prior`; repeatable [default: from photographs]
+    /// Geometry, or output of `strivec prior`; repeatable [default: photographs]
     ///
-    /// Meshes, point clouds, grids and octrees in the dataset's space; several are joined. `strivec prior` reads geometry of
-    /// other spaces and units, filters, closes and dilates it.
+    /// Occupied space from meshes, point clouds, grids and octrees in the dataset's space; several are joined. `strivec prior`
+    /// reads geometry of other spaces and units, filters, closes and dilates it. Without files, the dataset's or matched
+    /// points or a coarse reconstruction show where matter is.
     #[arg(long = "prior", value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Find the occupied space with eight coarse tensors instead of the coarse reconstruction: slower, less precise
+    /// Find the occupied space with eight coarse tensors: slower, less precise
     #[arg(long, conflicts_with = "files", hide_short_help = true)]
     bootstrap: bool,
 }

@@ -3,7 +3,7 @@
 /// The most edits between similar names.
 const MAX_EDITS: usize = 2;
 
-/// Those of `names` that are a few edits from `name`, the nearest first.
+/// The names that are a few edits from `name`, the nearest first.
 pub(super) fn near_names<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     let allowed = MAX_EDITS.min(name.chars().count() / 2);
     let mut near: Vec<_> = names.into_iter().map(|other| (edits(name, other), other)).collect();
