@@ -6,6 +6,7 @@
 //! The third argument is a file of settings, as `strivec train --print-config` prints them.
 
 use std::error::Error;
+use std::fmt::Display;
 use std::path::Path;
 
 use strivec::recipe::{Observer, ObserverError, Photographs, Recipe};
@@ -28,7 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 struct Print;
 
 impl Observer for Print {
-    fn message(&mut self, text: &str) {
+    fn message(&mut self, text: &dyn Display) {
         println!("{text}");
     }
 

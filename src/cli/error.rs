@@ -252,10 +252,9 @@ fn format_of(bytes: &[u8]) -> String {
 }
 
 /// The flags of the library's options. Other options, such as most of a configuration's, have no flag.
-const FLAGS: [(&str, &str); 36] = [
+const FLAGS: [(&str, &str); 34] = [
     ("alpha", "--alpha"),
-    ("background", "--background"),
-    ("batch_rays", "--batch"),
+    ("background", "--set photographs.background"),
     ("bounds", "--bounds"),
     ("budget", "--max-params or --max-size"),
     ("close", "--close"),
@@ -274,14 +273,13 @@ const FLAGS: [(&str, &str); 36] = [
     ("min_track", "--min-track"),
     ("min_transmittance", "--min-transmittance"),
     ("min_weight", "--min-weight"),
-    ("near_far", "--near and --far"),
+    ("near_far", "--set space.near_far"),
     ("outliers", "--outliers"),
     ("resolution", "--resolution"),
     ("resume", "--resume"),
     ("scale", "--scale"),
     ("seed", "--seed"),
     ("skip_missing", "--skip-missing"),
-    ("sky_degree", "--sky"),
     ("step_scale", "--step-scale"),
     ("steps", "--steps"),
     ("thickness", "--thickness"),

@@ -56,7 +56,7 @@ mod watch;
 use std::ffi::OsString;
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches as _, Parser, Subcommand};
 
 use self::version::version;
 pub use clap_error::print_clap_error;
@@ -70,6 +70,9 @@ const EXIT_CODES: &str = "\
 Exit codes: 0 done, 1 usage, 2 input or output, 3 malformed input, 4 interrupted or any other failure, 5 unsupported file or too little memory.
 
 Results go to standard output, progress and messages to standard error.";
+
+/// Commands that the list of commands leaves out.
+const FOR_DEVELOPERS: [&str; 4] = ["synth", "bench", "completions", "man"];
 
 /// Sparse tri-vector radiance fields: train, render and measure scenes
 #[derive(Debug, Parser)]
@@ -125,7 +128,7 @@ enum Command {
 
 /// Runs the command in the process's arguments and returns its exit code.
 pub fn main() -> ExitCode {
-    run_command("strivec", removed::parsed(Cli::try_parse()).map(|cli| (cli.globals, cli.command)), run)
+    run_command("strivec", parsed(std::env::args_os()), run)
 }
 
 /// Runs the command of `strivec` that `arguments` name, without the program's name, within another program. Returns its results:
@@ -136,7 +139,33 @@ pub fn main() -> ExitCode {
 /// The errors of the command; [`Error::Usage`] for arguments that it does not have.
 pub fn call(arguments: &[OsString], call: &Call) -> Result<Vec<String>, Error> {
     let words = std::iter::once(OsString::from("strivec")).chain(arguments.iter().cloned());
-    run_call(removed::parsed(Cli::try_parse_from(words)).map(|cli| (cli.globals, cli.command)), call, run)
+    run_call(parsed(words), call, run)
+}
+
+/// The global options and the command that `words` name.
+fn parsed(words: impl IntoIterator<Item = OsString>) -> Result<(Globals, Command), clap::Error> {
+    let cli = removed::parsed(command().try_get_matches_from(words)).and_then(|m| Cli::from_arg_matches(&m))?;
+    Ok((cli.globals, cli.command))
+}
+
+/// The command line, with help that is short: commands for developers come last, and the short help of a command leaves
+/// out the options that all have.
+fn command() -> clap::Command {
+    let mut command = Cli::command();
+    let about = |name: &str| command.find_subcommand(name).and_then(clap::Command::get_about).map(ToString::to_string);
+    let rows: Vec<_> =
+        FOR_DEVELOPERS.iter().map(|name| format!("  {name:<11}  {}\n", about(name).unwrap_or_default())).collect();
+    command.build();
+    command.after_help(format!("For developers:\n{}\n{EXIT_CODES}", rows.concat())).mut_subcommands(|sub| {
+        let is_hidden = FOR_DEVELOPERS.contains(&sub.get_name());
+        with_short_help(sub).hide(is_hidden)
+    })
+}
+
+/// `command` and those below it without the options of all commands in their short help.
+fn with_short_help(command: clap::Command) -> clap::Command {
+    let shorter = |arg: clap::Arg| if arg.is_global_set() { arg.hide_short_help(true) } else { arg };
+    command.mut_args(shorter).mut_subcommands(with_short_help)
 }
 
 fn run(command: &Command, session: &Context) -> Result<(), Error> {
@@ -168,6 +197,26 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_short_help_of_training_fits_on_a_screen() {
+        let mut command = command().term_width(100);
+        let train = command.find_subcommand_mut("train").unwrap();
+        let help = train.render_help().to_string();
+        assert!(help.lines().count() <= 50, "{} lines:\n{help}", help.lines().count());
+        assert!(!help.contains("--threads") && train.render_long_help().to_string().contains("--threads"), "{help}");
+    }
+
+    #[test]
+    fn commands_for_developers_come_last() {
+        let help = command().render_help().to_string();
+        let [usual, developers] = help.split("For developers:").collect::<Vec<_>>()[..] else { panic!("{help}") };
+        for name in FOR_DEVELOPERS {
+            let row = format!("\n  {name} ");
+            assert!(!usual.contains(&row) && developers.contains(&row), "{help}");
+        }
+        assert!(usual.contains("--threads"), "{help}");
+    }
+
+    #[test]
     fn the_arguments_are_consistent_and_every_command_has_an_example() {
         let mut command = Cli::command();
         command.clone().debug_assert();
@@ -179,7 +228,7 @@ mod tests {
             // A redirection is the shell's.
             let words = example.split_whitespace().take_while(|word| *word != ">");
             assert_eq!(words.clone().nth(1), Some(name.as_str()), "{example}");
-            Cli::try_parse_from(words).unwrap_or_else(|e| panic!("{example}: {e}"));
+            parsed(words.map(OsString::from)).unwrap_or_else(|e| panic!("{example}: {e}"));
         }
     }
 }

@@ -24,7 +24,7 @@ Examples:
   strivec plan scan --prior mesh.ply --auto --max-size 5MB --json
   strivec plan lego --auto --max-params 3.5M --print-config > mine.toml
 
-Without --prior the coarse reconstruction runs, as in training. With --full, parameter counts are exact, and file sizes are estimated \
+Without --prior the coarse reconstruction runs, as in training. With `--set lean.max_loss=0`, parameter counts are exact, file sizes are estimated \
 within a few percent, memory within a third, minutes within a factor of two, for scenes similar to the measured ones. Without it, \
 training gives up what the pictures do not need: on the measured scenes, a tenth to a quarter of the parameters and bytes were left, \
 after a third to six tenths of the minutes.";
@@ -85,12 +85,12 @@ struct MachineFigures {
 /// Estimates size, memory and time.
 pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let mut config = args.settings.configuration()?;
-    let options = args.settings.basics.photographs(&args.dataset, config.max_photograph_side, session)?;
+    let options = args.settings.basics.photographs(&args.dataset, config.photographs.max_side, session)?;
     let named = dataset::load_cameras(&args.dataset, "train", None, &options)?;
     let cameras: Vec<_> = named.into_iter().map(|n| n.camera).collect();
     let interrupted = session.interrupts()?;
     let start = Instant::now();
-    let prior = args.prior.prior()?;
+    let prior = args.prior.prior();
     let mut observer = ConsoleObserver::new(&session.console, &interrupted);
     let (occupied, prior_seconds) = match prior.from_files(&mut config, &cameras, &mut observer)? {
         Some(occupied) => (occupied, None),
@@ -121,7 +121,7 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
         decoder_parameters,
         parameters,
         file_bytes,
-        max_file_bytes: config.max_file_bytes.filter(|&most| most < file_bytes),
+        max_file_bytes: config.schedule.max_file_bytes.filter(|&most| most < file_bytes),
         memory_bytes,
         minutes,
         gives_up_parameters: config.lean.is_on(),

@@ -27,14 +27,9 @@ const HELD_OUT: usize = 20;
 
 const EXAMPLES: &str = "\
 Examples:
-  strivec train lego -o lego.strivec --preset 24
-  strivec train lego -o small.strivec --preset fast --steps 3000 --downscale 4 --log curve.csv
-  strivec train lego -o lego.strivec --bootstrap --prune
+  strivec train lego -o lego.strivec --preset fast --steps 3000 --downscale 4
   strivec train --preset 48 --print-config > mine.toml
-  strivec train lego -o lego.strivec --config mine.toml --checkpoint lego.state --checkpoint-every 1000
-  strivec train lego -o lego.strivec --checkpoint lego.state --resume
-  strivec train lego -o small.strivec --auto --max-size 10MB
-  strivec train scan -o scan.strivec --prior mesh.ply --close 0.1
+  strivec train scan -o scan.strivec --config mine.toml --prior mesh.ply --max-size 10MB
 
 Ctrl-C writes the checkpoint and stops with exit code 4; a second Ctrl-C stops at once.";
 
@@ -57,30 +52,34 @@ pub(super) struct Args {
     /// Print the resulting settings as TOML and exit
     #[arg(long, conflicts_with = "fitting")]
     pub(super) print_config: bool,
-    /// Keep dead components, those that no training ray uses [default: cleared after the last step]
-    #[arg(long)]
+    /// Keep the components that no training ray uses [default: cleared after the last step]
+    #[arg(long, hide_short_help = true)]
     pub(super) keep_dead: bool,
     /// Checkpoint of an unfinished run [default: OUTPUT.state]
-    #[arg(long, value_name = "PATH")]
+    #[arg(long, value_name = "PATH", help_heading = "Run")]
     pub(super) checkpoint: Option<PathBuf>,
     /// Write the checkpoint every N steps [default: only when interrupted]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Run")]
     pub(super) checkpoint_every: Option<u64>,
-    /// Resume from the checkpoint with its settings; the result is byte-identical to an uninterrupted run
-    #[arg(long, conflicts_with_all = ["preset", "config", "steps", "batch", "seed", "background", "sky", "near", "fitting",
-        "files", "bootstrap", "prune"])]
+    /// Resume from the checkpoint, with its settings
+    ///
+    /// The result is byte-identical to that of an uninterrupted run.
+    #[arg(long, conflicts_with_all = ["preset", "config", "set", "steps", "seed", "fitting", "files", "bootstrap"],
+        help_heading = "Run")]
     pub(super) resume: bool,
     /// CSV table of steps, seconds and PSNR; grows during the run
-    #[arg(long, value_name = "CSV")]
+    #[arg(long, value_name = "CSV", help_heading = "Run")]
     pub(super) log: Option<PathBuf>,
     /// Encoding of the factors
     #[arg(long, value_enum, default_value_t)]
     pub(super) encoding: Precision,
-    /// Write a view beside its photograph to this PNG file while the scene is trained: the first test view if there are any
-    #[arg(long, value_name = "PNG")]
+    /// Picture of a view beside its photograph; changes during the run
+    ///
+    /// The view is the first test view, or without any the first training view.
+    #[arg(long, value_name = "PNG", help_heading = "Run")]
     pub(super) watch: Option<PathBuf>,
     /// Measure PSNR on up to 20 test views every N steps [default: never]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..), help_heading = "Run")]
     pub(super) eval_every: Option<u64>,
 }
 
@@ -131,7 +130,7 @@ impl Args {
             }
         }
         Ok(Recipe {
-            prior: self.prior.prior()?,
+            prior: self.prior.prior(),
             fitting: self.fitting.fitting(),
             keep_dead: self.keep_dead,
             encoding: self.encoding.factors(),
@@ -160,7 +159,7 @@ fn watch(
     let test = dataset::load(folder, "test", &first).map_or_else(|_| Vec::new(), |test| test.views);
     let view = test.first().or(dataset.views.first());
     let view = view.ok_or_else(|| Error::Runtime("there is no photograph to watch".into()))?;
-    Watch::new(path.to_path_buf(), view, config.background)
+    Watch::new(path.to_path_buf(), view, config.photographs.background)
 }
 
 /// The result, as `--json` prints it.

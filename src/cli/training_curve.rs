@@ -62,7 +62,7 @@ impl<'a> CurveObserver<'a> {
     fn follow(&mut self, trainer: &Trainer<'_>, report: &StepReport) -> Result<(), Error> {
         self.error[0] += report.mean_squared_error;
         self.error[1] += 1.0;
-        let (step, steps) = (report.step, trainer.config().steps);
+        let (step, steps) = (report.step, trainer.config().schedule.steps);
         let due = |every: u64| step.is_multiple_of(every) || step == steps;
         let evaluates = self.args.eval_every.is_some_and(due);
         if evaluates || due((steps / ROWS).max(1)) {

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 
 use super::prepare::frame;
 use super::{
-    BootstrapOptions, DecoderConfig, Exposure, FinishConfig, LeanConfig, PrepareError, ScaleConfig, TrainConfig,
-    Trainer, initial_scene,
+    BootstrapOptions, DecoderConfig, Exposure, FinishConfig, LeanConfig, PhotographConfig, PoseConfig, PrepareError,
+    SamplingConfig, ScaleConfig, ScheduleConfig, TrainConfig, Trainer, initial_scene,
 };
 use strivec_capture::dataset::{Dataset, Photograph};
 use strivec_capture::prior;
@@ -43,7 +43,8 @@ pub fn bootstrap_prior(
     let options = &config.bootstrap;
     options.check()?;
     prior::check_views(dataset)?;
-    let [near, far] = prior::near_and_far(dataset, config.near_far.map(|n| n[0]), config.near_far.map(|n| n[1]))?;
+    let near_far = config.space.near_far;
+    let [near, far] = prior::near_and_far(dataset, near_far.map(|n| n[0]), near_far.map(|n| n[1]))?;
     let frusta = prior::frusta_within(dataset, near, far);
     if !frusta.is_solid() {
         return Err(prior::Error::no_box(dataset, &frusta).into());
@@ -73,7 +74,7 @@ pub fn bootstrap_prior(
     }
     match found {
         Some(boxes) if !boxes.cells.is_empty() => Ok(boxes),
-        _ => Err(prior::Error::empty(dataset, done, psnr, config.background).into()),
+        _ => Err(prior::Error::empty(dataset, done, psnr, config.photographs.background).into()),
     }
 }
 
@@ -112,17 +113,20 @@ impl CoarseCube {
         let options = &base.bootstrap;
         let cloud = self.cloud();
         TrainConfig {
-            preset: "bootstrap".into(),
-            steps,
-            batch_rays: options.batch_rays,
-            ray_candidates: 1,
-            random_background: false,
-            sky_degree: Some(0),
-            exposure: Exposure::Off,
-            refine_poses: false,
-            refine_focal_length: false,
-            upsample_at: Vec::new(),
-            occupancy_at: Vec::new(),
+            schedule: ScheduleConfig {
+                steps,
+                upsample_at: Vec::new(),
+                occupancy_at: Vec::new(),
+                ..base.schedule.clone()
+            },
+            photographs: PhotographConfig {
+                random_background: false,
+                sky_degree: Some(0),
+                exposure: Exposure::Off,
+                ..base.photographs.clone()
+            },
+            poses: PoseConfig::default(),
+            sampling: SamplingConfig { batch_rays: options.batch_rays, ray_candidates: 1, ..base.sampling.clone() },
             lean: LeanConfig::off(),
             finish: FinishConfig::off(),
             decoder: DecoderConfig {

@@ -66,7 +66,7 @@ impl Checkpoint {
             worth: Worth::none(field),
             psnr_at_start: None,
             rounding: None,
-            exposures: Exposures::new(config.exposure, sampler.view_count()),
+            exposures: Exposures::new(config.photographs.exposure, sampler.view_count()),
             ray_errors: RayErrors::unknown(sampler.block_count()),
             cameras: Vec::new(),
             active_rays: sampler.active_ray_mask(),
@@ -295,11 +295,11 @@ impl Checkpoint {
             active_rays: tensor("active_rays", Dtype::U8)?.to_vec(),
             config,
         };
-        if checkpoint.restarted_at > checkpoint.step || checkpoint.step > checkpoint.config.steps {
+        if checkpoint.restarted_at > checkpoint.step || checkpoint.step > checkpoint.config.schedule.steps {
             let found = format!("{} and {}", checkpoint.restarted_at, checkpoint.step);
             return Err(malformed(
                 "restarted_at and step",
-                format!("ascending and at most {}", checkpoint.config.steps),
+                format!("ascending and at most {}", checkpoint.config.schedule.steps),
                 found,
             ));
         }

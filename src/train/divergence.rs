@@ -58,7 +58,8 @@ impl Display for Divergence {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let rates = |[factors, networks]: &[f64; 2]| {
             format!(
-                "try a smaller `factor_learning_rate` (now {factors}) and `network_learning_rate` (now {networks}), \
+                "try a smaller `optimizer.factor_learning_rate` (now {factors}) and \
+                 `optimizer.network_learning_rate` (now {networks}), \
                  or check that cameras and photographs belong together"
             )
         };
@@ -97,7 +98,7 @@ impl DivergenceMonitor {
     ///
     /// If the errors show that the run has diverged.
     pub(super) fn record(&mut self, error: f64, targets: &[Target], config: &TrainConfig) -> Result<(), Divergence> {
-        let rates = [config.factor_learning_rate, config.network_learning_rate];
+        let rates = [config.optimizer.factor_learning_rate, config.optimizer.network_learning_rate];
         if !error.is_finite() {
             return Err(Divergence::NotFinite { found: error, rates });
         }
@@ -145,18 +146,18 @@ impl DivergenceMonitor {
             return Err(Divergence::Parameter {
                 what: "factors",
                 found,
-                setting: "factor_learning_rate",
-                rate: config.factor_learning_rate,
-                usual: usual.factor_learning_rate,
+                setting: "optimizer.factor_learning_rate",
+                rate: config.optimizer.factor_learning_rate,
+                usual: usual.optimizer.factor_learning_rate,
             });
         }
         if let Some(found) = network_parts(field).find_map(|part| exploded(part)) {
             return Err(Divergence::Parameter {
                 what: "weights of the networks",
                 found,
-                setting: "network_learning_rate",
-                rate: config.network_learning_rate,
-                usual: usual.network_learning_rate,
+                setting: "optimizer.network_learning_rate",
+                rate: config.optimizer.network_learning_rate,
+                usual: usual.optimizer.network_learning_rate,
             });
         }
         Ok(())

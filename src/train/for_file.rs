@@ -3,7 +3,7 @@
 use super::network_rounding::UnroundedNetworks;
 use super::rounding::Unrounded;
 use super::shrink::tuned;
-use super::{Checkpoint, Rounding, Trainer};
+use super::{Checkpoint, PoseConfig, Rounding, Trainer};
 use strivec_field::FieldScale;
 use strivec_format::container::NetworkSteps;
 use strivec_format::model::Scene;
@@ -17,7 +17,7 @@ const NETWORKS_FROM: f64 = 0.5;
 impl Checkpoint {
     /// True while matrices and decoder are rounded.
     pub(super) fn rounds_networks(&self) -> bool {
-        self.rounding.is_some() && self.step as f64 >= NETWORKS_FROM * self.config.steps as f64
+        self.rounding.is_some() && self.step as f64 >= NETWORKS_FROM * self.config.schedule.steps as f64
     }
 }
 
@@ -36,7 +36,7 @@ impl Trainer<'_> {
         // Steps and components are chosen once: rounds that choose anew restart the optimizer, and lose more than
         // they gain (docs/experiments/2026-11-27-trained-for-size.md).
         self.config = tuned(&self.config, &scene, steps);
-        (self.config.cooldown, self.config.refine_poses) = (COOLDOWN, false);
+        (self.config.optimizer.cooldown, self.config.poses) = (COOLDOWN, PoseConfig::default());
         self.restart_from(scene, steps);
         let of_scale = |(scale, codes): (&FieldScale<f32>, &Vec<Vec<u8>>)| {
             scale.blocks().zip(codes).map(|(block, codes)| Rounding::of_held(block.held(), codes)).collect()

@@ -31,7 +31,7 @@ impl Trainer<'_> {
     /// Gives up what is of the least worth, in `round`: cells of a scale, or components.
     pub(super) fn give_up(&mut self, round: u32) {
         let lean = self.config.lean.clone();
-        let has_last_resolution = self.config.upsample_at.iter().all(|&at| at < self.checkpoint.step);
+        let has_last_resolution = self.config.schedule.upsample_at.iter().all(|&at| at < self.checkpoint.step);
         let resolutions: Vec<[u32; 3]> = (self.field.scales.iter().zip(&self.config.scales))
             .map(|(scale, config)| match config.resolutions.last() {
                 Some(&last) if !has_last_resolution => last,
@@ -104,7 +104,7 @@ impl Trainer<'_> {
     /// Gives the tensors of scale `s` the resolution `to`, with the march's step for it. The scene keeps its step.
     fn set_cells(&mut self, s: usize, to: [u32; 3]) {
         let cloud = &mut self.scene.scales[s].cloud;
-        let step = |cloud: &_| march_step(cloud, self.config.field.step_cells);
+        let step = |cloud: &_| march_step(cloud, self.config.model.step);
         let (from, before) = (cloud.resolution, step(cloud));
         cloud.resolution = to;
         if s == 0 {

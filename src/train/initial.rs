@@ -3,7 +3,7 @@
 use super::{ConfigError, TrainConfig};
 use strivec_format::geometry::Aabb;
 use strivec_format::model::{
-    AppearanceMatrix, Coverage, Decoder, Factors, Frame, Linear, Provenance, Rules, Scale, Scene, TensorCloud,
+    AppearanceMatrix, Coverage, Decoder, Factors, Frame, Linear, Provenance, Scale, Scene, TensorCloud,
 };
 use strivec_format::random::Random;
 use strivec_format::{Invalid, Place};
@@ -26,9 +26,7 @@ pub fn initial_scene(
     frame: Frame,
     dataset: &str,
 ) -> Result<Scene, ConfigError> {
-    let contraction = config.contraction();
-    let sky = config.sky();
-    let rules = Rules { contraction, sky, ..config.field.rules(march_step(&clouds[0], config.field.step_cells)) };
+    let rules = config.rules(&clouds[0]);
     let boxes = clouds.iter().map(TensorCloud::bounds);
     let bounds = match rules.coverage {
         Coverage::All => boxes.reduce(|a, b| a.intersection(&b)),
@@ -36,7 +34,7 @@ pub fn initial_scene(
     }
     .unwrap_or(Aabb::EMPTY);
     // The bounds of contracted space are those of all space.
-    let bounds = contraction.map_or(bounds, |contraction| contraction.bounds());
+    let bounds = rules.contraction.map_or(bounds, |contraction| contraction.bounds());
     if !bounds.is_solid() {
         let place = Place::option("scales");
         let invalid = Invalid::new(place, "scales whose tensors overlap", "scales without a common point");
@@ -51,7 +49,7 @@ pub fn initial_scene(
             let [density, appearance] = scale.forms();
             let mut factors = Factors::zeros(cloud.len(), cloud.resolution, [&density, &appearance]);
             for (i, v) in factors.blocks_mut().flat_map(|block| &mut block.values).enumerate() {
-                *v = (config.factor_deviation * normal.normal(i as u64)) as f32;
+                *v = (config.optimizer.factor_deviation * normal.normal(i as u64)) as f32;
             }
             let appearance_rank = scale.appearance_rank;
             let matrix = Random::new(config.seed, "appearance matrix").substream(s as u64);
@@ -69,7 +67,7 @@ pub fn initial_scene(
         .collect();
     let provenance = Provenance {
         dataset: dataset.into(),
-        preset: config.preset.clone(),
+        preset: config.preset.name().into(),
         steps: 0,
         seed: config.seed,
         tool: concat!("strivec ", env!("CARGO_PKG_VERSION")).into(),

@@ -52,7 +52,8 @@ pub use checkpoint::Checkpoint;
 pub(crate) use chunk::RAYS_PER_CHUNK;
 pub use chunk::{BatchRoulette, Target};
 pub use config::{
-    BootstrapOptions, ConfigError, DecoderConfig, FieldConfig, FinishConfig, LeanConfig, ScaleConfig, TrainConfig,
+    BootstrapOptions, ConfigError, DecoderConfig, FinishConfig, LeanConfig, LossConfig, OptimizerConfig,
+    PhotographConfig, PoseConfig, Preset, SamplingConfig, ScaleConfig, ScheduleConfig, SpaceConfig, TrainConfig,
 };
 pub use divergence::Divergence;
 pub use error::{CheckpointError, TrainError};

@@ -51,9 +51,9 @@ pub fn reconstruct_prior(
     progress: &mut dyn FnMut(CoarseProgress) -> ControlFlow<()>,
 ) -> Result<VoxelBoxes, prior::Error> {
     let options = CoarseOptions {
-        background: config.background,
-        near: config.near_far.map(|n| n[0]),
-        far: config.near_far.map(|n| n[1]),
+        background: config.photographs.background,
+        near: config.space.near_far.map(|n| n[0]),
+        far: config.space.near_far.map(|n| n[1]),
         unbounded: config.unbounded(),
         ..config.prior.clone()
     };
@@ -79,7 +79,7 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
         })
         .collect::<Result<Vec<_>, _>>()?;
     let cameras: Vec<_> = dataset.views.iter().map(|view| view.camera).collect();
-    let near_far = config.near_far.unwrap_or_else(|| prior::ray_range(&cameras, None));
+    let near_far = config.space.near_far.unwrap_or_else(|| prior::ray_range(&cameras, None));
     let scene = initial_scene(config, clouds, frame(config, map, near_far), &dataset.name)?;
     scene.check()?;
     Ok(scene)
@@ -118,7 +118,7 @@ pub fn with_far_cells(
     dataset: &Dataset,
     occupied: &VoxelBoxes,
 ) -> Result<VoxelBoxes, PrepareError> {
-    let Some(contraction) = config.contraction() else { return Ok(occupied.clone()) };
+    let Some(contraction) = config.model.contraction else { return Ok(occupied.clone()) };
     let scene = place_scene(&close_tensors(config), dataset, occupied)?;
     let field = Field::<f32>::new(&scene);
     let lattice = occupied.lattice;
@@ -143,7 +143,7 @@ pub fn with_far_cells(
 /// `config` with tensors that are close around what they stand on: if its finest tensors are large, all are smaller in
 /// proportion. Cameras may stand within large tensors, which then all rays meet.
 fn close_tensors(config: &TrainConfig) -> TrainConfig {
-    let half_extent = if config.shell.is_some() { 1.0 } else { config.half_extent };
+    let half_extent = if config.model.contraction.is_some() { 1.0 } else { config.space.half_extent };
     let longest = |scale: &ScaleConfig| scale.edge.into_iter().fold(0.0, f64::max);
     let finest = config.scales.iter().map(longest).fold(f64::INFINITY, f64::min);
     let factor = (CLOSE_EDGE * half_extent / finest).min(1.0);
@@ -192,7 +192,7 @@ pub(super) fn frame(config: &TrainConfig, model_from_dataset: Similarity, near_f
         meters_per_unit: None,
         near,
         far,
-        background: config.background,
+        background: config.photographs.background,
         color_space: ColorSpace::Srgb,
     }
 }

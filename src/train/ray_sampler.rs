@@ -31,7 +31,7 @@ pub struct RaySampler<'a> {
 
 impl<'a> RaySampler<'a> {
     /// The rays of all pixels of `views`, whose cameras `frame` maps into the model's space; none is active yet.
-    /// Transparent pixels are in front of `frame`'s background, or of random ones if `config.random_background`.
+    /// Transparent pixels are in front of `frame`'s background, or of random ones if `config.photographs.random_background`.
     ///
     /// # Errors
     ///
@@ -44,7 +44,7 @@ impl<'a> RaySampler<'a> {
         check_pixel_count(firsts[views.len()])?;
         let cameras = views.iter().map(|v| v.camera.mapped(&frame.model_from_dataset)).collect();
         let blocks = Blocks::new(views.iter().map(|v| [v.camera.width, v.camera.height]));
-        let random = config.random_background.then(|| {
+        let random = config.photographs.random_background.then(|| {
             let transparent = views.par_iter().map(|v| !v.pixels.is_opaque()).collect();
             (Random::new(config.seed, "backgrounds"), transparent)
         });

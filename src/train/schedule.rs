@@ -16,13 +16,13 @@ impl Trainer<'_> {
     /// Components, occupancy, bounds and resolution (paper, Implementation).
     pub(super) fn follow_schedule(&mut self) -> Result<(), TrainError> {
         let step = self.checkpoint.step;
-        if let Some(round) = self.config.lean.round_after(step, self.config.steps) {
+        if let Some(round) = self.config.lean.round_after(step, self.config.schedule.steps) {
             self.give_up(round);
         }
         let cell = self.scene.scales[0].cloud.cell_size();
-        let update = self.config.occupancy_at.iter().position(|&at| at == step);
+        let update = self.config.schedule.occupancy_at.iter().position(|&at| at == step);
         let from = self.config.finish.from;
-        let is_late = from < 1.0 && step as f64 >= from * self.config.steps as f64;
+        let is_late = from < 1.0 && step as f64 >= from * self.config.schedule.steps as f64;
         let is_finished = update.is_some() && is_late && self.finish(cell);
         // A run that has the march of the end from its start began with a trained scene, whose occupancy may be tight.
         let is_kept = from == 0.0 && self.scene.occupancy.is_some();
@@ -39,8 +39,8 @@ impl Trainer<'_> {
                 self.drop_unoccupied();
             }
         }
-        let stage = self.config.upsample_at.iter().filter(|&&at| at <= step).count();
-        if self.config.upsample_at.contains(&step) {
+        let stage = self.config.schedule.upsample_at.iter().filter(|&&at| at <= step).count();
+        if self.config.schedule.upsample_at.contains(&step) {
             for ((scale, config), trained) in
                 self.scene.scales.iter_mut().zip(&self.config.scales).zip(&mut self.field.scales)
             {
@@ -48,25 +48,25 @@ impl Trainer<'_> {
                 scale.cloud.resolution = to;
                 trained.set_resolution(&scale.cloud, |form, factors, rank| upsample(form, factors, rank, from, to));
             }
-            self.scene.rules.step = march_step(&self.scene.scales[0].cloud, self.config.field.step_cells);
+            self.scene.rules.step = march_step(&self.scene.scales[0].cloud, self.config.model.step);
             self.field.rules.step = self.scene.rules.step;
             self.checkpoint.restart(&self.field);
         }
-        if self.config.refine_poses && poses::is_due(step, self.config.steps) {
+        if self.config.poses.is_on() && poses::is_due(step, self.config.schedule.steps) {
             let random = Random::new(self.config.seed, "poses").substream(step);
             let maps = self.checkpoint.exposures.maps();
             let distance = match self.scene.rules.contraction {
                 None => 0.5 * (self.scene.frame.near + self.scene.frame.far),
                 Some(_) => 1.0,
             };
-            let growing = self.config.refine_focal_length;
+            let growing = self.config.poses.refine_focal_length;
             let cameras = poses::refined(&self.field, &self.sampler, maps, distance, growing, &random);
             self.checkpoint.cameras = cameras.iter().map(|camera| (camera.pose(), camera.focal)).collect();
             self.sampler.set_cameras(cameras);
         }
         // At the first estimate a third of the drawn rays turn out to meet nothing: filtering anew gains 0.3 to 0.5
         // dB (docs/experiments/2026-11-21-training-settings.md, docs/experiments/2026-11-22-lego-800.md).
-        if self.config.refilter_rays && update.is_some() {
+        if self.config.sampling.refilter_rays && update.is_some() {
             self.sampler.filter_rays(&self.field);
             check_active_rays(&self.sampler)?;
             self.checkpoint.active_rays = self.sampler.active_ray_mask();
@@ -82,7 +82,7 @@ impl Trainer<'_> {
 
     /// Removes the tensors that meet no occupied cell, if the settings enable it.
     fn drop_unoccupied(&mut self) {
-        if self.config.prune {
+        if self.config.schedule.prune {
             let mut scene = self.scene();
             let kept = prune_unoccupied(&mut scene);
             self.checkpoint.keep_tensors(&kept, &self.field);

@@ -13,8 +13,8 @@ use super::networks::put_decoder;
 use super::ray_errors::RayErrors;
 use super::rounding::{Unrounded, UnroundedTensor};
 use super::{
-    BatchRoulette, Checkpoint, DeadComponents, RayBatch, RaySampler, TrainConfig, TrainError, network_parts,
-    prune_dead_components,
+    BatchRoulette, Checkpoint, DeadComponents, RayBatch, RaySampler, SamplingConfig, TrainConfig, TrainError,
+    network_parts, prune_dead_components,
 };
 use strivec_capture::dataset::Photograph;
 use strivec_field::{Field, FieldDecoder, FieldFactors, Pool, Roulette, Stage, StageClock, Work, vectorized};
@@ -98,7 +98,7 @@ impl<'a> Trainer<'a> {
         let unrounded_networks = checkpoint.rounds_networks().then(|| UnroundedNetworks::from_field(&mut field));
         Ok(Self {
             steps_before: scene.provenance.steps.saturating_sub(checkpoint.step),
-            last_step: config.steps,
+            last_step: config.schedule.steps,
             order: Random::new(config.seed, "rays"),
             backward: backward(&config, &field),
             tensor_gradients: Pool::default(),
@@ -131,7 +131,7 @@ impl<'a> Trainer<'a> {
         self.field = Field::from_scene(&mut scene);
         self.backward = backward(&self.config, &self.field);
         self.scene = scene;
-        self.config.steps = steps;
+        self.config.schedule.steps = steps;
         self.last_step = steps;
         self.checkpoint.ray_errors = RayErrors::unknown(self.sampler.block_count());
         self.checkpoint.restart(&self.field);
@@ -221,7 +221,7 @@ impl<'a> Trainer<'a> {
     /// If the run has diverged, or no ray passes through the model any more.
     pub fn step(&mut self) -> Result<StepReport, TrainError> {
         let mut clock = StageClock::default();
-        let TrainConfig { batch_rays, ray_candidates, .. } = self.config;
+        let SamplingConfig { batch_rays, ray_candidates, .. } = self.config.sampling;
         // A few pixels have most of the error: drawing them more often gains 0.3 dB for a twentieth of the time
         // (docs/experiments/2026-11-26-rays-by-error.md).
         let errors = &self.checkpoint.ray_errors;
@@ -233,8 +233,8 @@ impl<'a> Trainer<'a> {
             (below > 0.0).then_some(Roulette { below, random, first_ray: 0 })
         };
         let roulette = BatchRoulette {
-            color: roulette(self.config.color_roulette, "thinning"),
-            density: roulette(self.config.density_roulette, "density thinning"),
+            color: roulette(self.config.sampling.color_roulette, "thinning"),
+            density: roulette(self.config.sampling.density_roulette, "density thinning"),
         };
         // All threads draw rays.
         clock.lap(Stage::Rays);
@@ -245,7 +245,7 @@ impl<'a> Trainer<'a> {
         let mean_squared_error = self.backward.mean_squared_error();
         self.checkpoint.step += 1;
         let step = self.checkpoint.step;
-        self.checkpoint.exposures.follow(self.backward.colors(), &targets, step, self.config.steps);
+        self.checkpoint.exposures.follow(self.backward.colors(), &targets, step, self.config.schedule.steps);
         let mut weighted = 0.0;
         for ((&block, target), squared) in blocks.iter().zip(&targets).zip(self.backward.squared_errors()) {
             self.checkpoint.ray_errors.add(block, squared);
@@ -270,20 +270,20 @@ impl<'a> Trainer<'a> {
     /// The optimizer's step for parameters whose learning rate starts at `start`.
     fn adam(&self, start: f64, weight_decay: f64) -> Adam<f32> {
         let since_restart = self.checkpoint.step - self.checkpoint.restarted_at;
-        let along = (since_restart - 1) as f64 / self.config.steps as f64;
+        let along = (since_restart - 1) as f64 / self.config.schedule.steps as f64;
         // Exponential. Along a cosine it brought nothing (docs/experiments/2026-11-21-training-settings.md).
-        let decay = self.config.learning_rate_decay.powf(along);
+        let decay = self.config.optimizer.learning_rate_decay.powf(along);
         let left = (self.last_step + 1).saturating_sub(self.checkpoint.step) as f64;
         // Training rays gain 1.1 dB over the cooldown at full size: much of the error of late steps is their noise
         // (docs/experiments/2026-11-26-adam.md). Means of parameters do no better
         // (docs/experiments/2026-11-27-averages.md).
-        let cooled = (left / (self.config.cooldown * self.config.steps as f64)).min(1.0);
+        let cooled = (left / (self.config.optimizer.cooldown * self.config.schedule.steps as f64)).min(1.0);
         Adam::new(start * decay * cooled, weight_decay, since_restart)
     }
 
     fn update_networks(&mut self) {
-        let rate = self.config.network_learning_rate;
-        let [of_networks, of_sky] = [rate, self.config.sky_learning_rate].map(|rate| self.adam(rate, 0.0));
+        let rate = self.config.optimizer.network_learning_rate;
+        let [of_networks, of_sky] = [rate, self.config.optimizer.sky_learning_rate].map(|rate| self.adam(rate, 0.0));
         let sky_at = self.backward.layout.sky_at();
         let gradients = self.backward.network_gradients();
         // Gradients at the rounded weights move the unrounded ones, or steps below half a rounding step would be
@@ -309,9 +309,9 @@ impl<'a> Trainer<'a> {
 
     /// `square_weight` is [`lean::square_weight`].
     fn update_factors(&mut self, square_weight: f64, work: &mut Work) {
-        let is_measuring = self.config.lean.is_measuring(self.checkpoint.step, self.config.steps);
+        let is_measuring = self.config.lean.is_measuring(self.checkpoint.step, self.config.schedule.steps);
         self.checkpoint.worth.steps += u64::from(is_measuring);
-        let adam = self.adam(self.config.factor_learning_rate, self.config.factor_decay);
+        let adam = self.adam(self.config.optimizer.factor_learning_rate, self.config.optimizer.factor_decay);
         let bit = self.rounding().map_or(0.0, |rounding| rounding.bit as f32);
         let (chunks, pool) = (&self.backward.chunks, &self.tensor_gradients);
         pool.for_each(|gradient| gradient.clock.restart());
@@ -328,8 +328,8 @@ impl<'a> Trainer<'a> {
             {
                 let geometry = geometry.at(&centers);
                 let rules = match geometry.appearance {
-                    None => BlockRules::new(block, self.config.density_l1, self.config.density_variation),
-                    Some(_) => BlockRules::new(block, 0.0, self.config.appearance_variation),
+                    None => BlockRules::new(block, self.config.loss.density_l1, self.config.loss.density_variation),
+                    Some(_) => BlockRules::new(block, 0.0, self.config.loss.appearance_variation),
                 };
                 let rises = block.held().split_mut(rises);
                 let values = tensor_updates(block, moments).into_iter();
@@ -385,7 +385,7 @@ impl<'a> Trainer<'a> {
 /// The loss of `config`, on `field`.
 fn backward(config: &TrainConfig, field: &Field<f32>) -> Backward<f32> {
     let mut backward = Backward::new(field);
-    (backward.distance_weight, backward.sky_of_open_rays) = (config.distance_weight, true);
+    (backward.distance_weight, backward.sky_of_open_rays) = (config.loss.distance_weight, true);
     backward
 }
 

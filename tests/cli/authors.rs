@@ -622,8 +622,8 @@ fn an_imported_scene_is_exported_and_imported_without_a_difference() {
 /// A trained kind of scene in units and a place of its own, with tensors below 1 in the dataset's units.
 fn native(kinds: &[FactorKind], coverage: Coverage) -> Scene {
     let mut config = scenes::with_kinds(scenes::config(), kinds);
-    config.field.coverage = coverage;
-    config.field.aggregation = Aggregation::Normalized;
+    config.model.coverage = coverage;
+    config.model.aggregation = Aggregation::Normalized;
     for scale in &mut config.scales {
         let cells = scale.resolutions[0][0];
         scale.resolutions = vec![[cells; 3]];

@@ -23,7 +23,7 @@ use tempfile::TempDir;
 /// An unbounded scene, and a ring of cameras in its inner cube that look at its middle.
 fn unbounded() -> (Scene, Vec<TrainingCamera>) {
     let mut config = scenes::config();
-    config.field.density_shift = -4.0;
+    config.model.density_shift = -4.0;
     config.scales.truncate(2);
     let mut scene = scenes::contracted(scenes::scene(&config));
     (scene.frame.near, scene.frame.far) = (0.2, 2000.0);

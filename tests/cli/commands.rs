@@ -57,7 +57,7 @@ fn wrong_usage_is_1_and_says_so_on_standard_error() {
         &["eval", "a", "b", "--views", "5"],
         &["train", "a"],
         &["train", "a", "-o", "b", "--preset", "7"],
-        &["train", "a", "-o", "b", "--near", "2"],
+        &["train", "a", "-o", "b", "--set", "space.near_far=[2]"],
     ] {
         let output = strivec(folder.path(), arguments);
         assert_eq!(code(&output), 1, "{arguments:?}: {}", text(&output.stderr));
@@ -151,7 +151,7 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
     fs::write(folder.path().join("short.toml"), short).unwrap();
     let plan = |more: &[&str]| strivec(folder.path(), &[&["plan", "toy", "--config", "short.toml"], more].concat());
 
-    let json = json_of(&plan(&["--auto", "--max-params", "200k", "--full", "--json"]));
+    let json = json_of(&plan(&["--auto", "--max-params", "200k", "--set", "lean.max_loss=0", "--json"]));
     let number = |name: &str| json[name].as_f64().unwrap_or_else(|| panic!("{name}: {json}"));
     assert!(number("parameters") <= 200e3 && number("parameters") > 1e3, "{json}");
     assert!(number("file_bytes") > number("parameters") && number("minutes") > 0.0, "{json}");
@@ -183,8 +183,8 @@ fn a_plan_is_made_kept_within_its_budget_and_printed_as_settings() {
 fn training_that_diverges_is_4_and_says_what_to_change() {
     let folder = TempDir::new().unwrap();
     run(folder.path(), &["synth", "data", "--views", "4", "--test-views", "1", "--size", "24x24", "--quiet"]);
-    fs::write(folder.path().join("wild.toml"), "preset = \"24\"\nbatch_rays = 64\nfactor_learning_rate = 1e6\n")
-        .unwrap();
+    let wild = "preset = \"24\"\nsampling.batch_rays = 64\noptimizer.factor_learning_rate = 1e6\n";
+    fs::write(folder.path().join("wild.toml"), wild).unwrap();
     let prior = ["--prior", "data/mesh.ply", "--max-params", "400k", "--quiet"];
     let train = ["train", "data", "-o", "wild.strivec", "--config", "wild.toml", "--steps", "40"];
     let message = failure(&strivec(folder.path(), &[&train[..], &prior].concat()), 4);
@@ -197,11 +197,12 @@ fn shrink_asks_for_one_goal_and_writes_a_smaller_file_and_grow_a_larger_one() {
     let folder = TempDir::new().unwrap();
     let quiet = |arguments: &[&str]| strivec(folder.path(), &[arguments, &["--quiet"]].concat());
     assert_eq!(code(&quiet(&["synth", "data", "--views", "6", "--test-views", "1", "--size", "32x32"])), 0);
-    let small = "preset = \"48\"\nbatch_rays = 128\nupsample_at = []\noccupancy_at = [100]\n[[scales]]\npitch = [0.5, 0.5, 0.5]\nedge = [0.8, 0.8, 0.8]\n\
+    let small = "preset = \"48\"\nsampling.batch_rays = 128\nschedule = { upsample_at = [], occupancy_at = [100] }\n[[scales]]\npitch = [0.5, 0.5, 0.5]\nedge = [0.8, 0.8, 0.8]\n\
         resolutions = [[12, 12, 12]]\ndensity_rank = 8\nappearance_rank = 12\ntop_k = 2\n";
     fs::write(folder.path().join("small.toml"), small).unwrap();
-    let train = ["train", "data", "-o", "a.strivec", "--config", "small.toml", "--steps", "150", "--full"];
-    let known = ["--prior", "data/mesh.ply", "--near", "2.0154", "--far", "6.0463"];
+    let train =
+        ["train", "data", "-o", "a.strivec", "--config", "small.toml", "--steps", "150", "--set", "lean.max_loss=0"];
+    let known = ["--prior", "data/mesh.ply", "--set", "space.near_far=[2.0154, 6.0463]"];
     printed(&quiet(&[&train[..], &known].concat()));
     let shrink = ["shrink", "a.strivec", "data", "-o", "b.strivec", "--config", "small.toml", "--steps", "60"];
     let with = |more: &[&str]| quiet(&[&shrink[..], more].concat());

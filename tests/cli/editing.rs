@@ -68,8 +68,8 @@ fn packed() -> (TempDir, SceneFile, Vec<u8>) {
 fn pack() -> Vec<u8> {
     let folder = TempDir::new().unwrap();
     let mut config = scenes::config();
-    config.field.density_shift = -4.0;
-    config.factor_deviation = 0.8;
+    config.model.density_shift = -4.0;
+    config.optimizer.factor_deviation = 0.8;
     let mut scene = scenes::scene(&config);
     scene.occupancy = Some(scenes::sliced(scene.bounds.grown(glam::DVec3::splat(0.0345))));
     let metadata = Metadata {

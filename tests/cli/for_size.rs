@@ -14,7 +14,9 @@ use tempfile::TempDir;
 /// Small enough for seconds.
 const SETTINGS: &str = "
 preset = \"fast\"
+[sampling]
 batch_rays = 256
+[schedule]
 upsample_at = [60]
 occupancy_at = [60, 120]
 steps = 240

@@ -20,8 +20,8 @@ use tempfile::TempDir;
 fn folder() -> (TempDir, Scene) {
     let folder = TempDir::new().unwrap();
     let mut config = scenes::config();
-    config.field.density_shift = -4.0;
-    config.factor_deviation = 0.8;
+    config.model.density_shift = -4.0;
+    config.optimizer.factor_deviation = 0.8;
     let scene = scenes::scene(&config);
     let bytes =
         encode_scene_file(&scene, &Metadata::default(), &EncodeOptions::uniform(Encoding::F32)).expect("a valid scene");

@@ -192,7 +192,7 @@ fn too_little_to_go_by_is_said() {
 #[test]
 fn training_begins_with_a_prior_from_a_file_and_says_where_it_is() {
     let toy = toy();
-    let short = ["--preset", "fast", "--steps", "2", "--batch", "64", "--keep-dead"];
+    let short = ["--preset", "fast", "--steps", "2", "--set", "sampling.batch_rays=64", "--keep-dead"];
     let trained =
         done(toy.path(), &[&["train", "toy", "-o", "a.strivec", "--prior", "toy/mesh.ply"], &short[..]].concat());
     assert!(trained["scales"][0]["tensors"].as_u64().unwrap() > 10);

@@ -15,7 +15,7 @@ use strivec_capture::prior::{CoarseOptions, VoxelBoxes};
 use strivec_field::render::{CpuRenderer, Renderer};
 use strivec_format::container;
 use strivec_format::container::{EncodeOptions, Encoding};
-use strivec_format::geometry::{Camera, Lattice};
+use strivec_format::geometry::{Camera, Contraction, Lattice};
 use strivec_format::psnr::psnr_of_mse;
 use strivec_train::{TrainConfig, Trainer, covered_share, place_scene, reconstruct_prior};
 use tempfile::TempDir;
@@ -46,13 +46,13 @@ fn dataset() -> Dataset {
 
 fn config() -> TrainConfig {
     let mut config = scenes::config();
-    config.shell = Some(0.4);
-    config.inner_box = Some([DVec3::NEG_ONE, DVec3::ONE]);
-    config.near_far = Some([3.0, 1e3]);
-    config.field.density_shift = -10.0;
-    config.field.distance_scale = 25.0;
-    (config.steps, config.batch_rays) = (600, 512);
-    config.occupancy_at = vec![400];
+    config.model.contraction = Some(Contraction { shell: 0.4 });
+    config.space.inner_box = Some([DVec3::NEG_ONE, DVec3::ONE]);
+    config.space.near_far = Some([3.0, 1e3]);
+    config.model.density_shift = -10.0;
+    config.model.distance_scale = 25.0;
+    (config.schedule.steps, config.sampling.batch_rays) = (600, 512);
+    config.schedule.occupancy_at = vec![400];
     config.scales.truncate(2);
     config.prior = CoarseOptions { voxels: 30_000, steps: vec![60, 200], rays: 512, ..CoarseOptions::default() };
     config
@@ -67,10 +67,10 @@ fn walls_far_outside_the_inner_cube_are_found_and_learned() {
     assert!(2 * in_shell > occupied.cells.len(), "{in_shell} of {}", occupied.cells.len());
 
     let scene = place_scene(&config, &dataset, &occupied).unwrap();
-    let contraction = config.contraction().unwrap();
+    let contraction = config.model.contraction.unwrap();
     assert_eq!((scene.rules.contraction, scene.bounds), (Some(contraction), contraction.bounds()));
     let mut trainer = Trainer::new(config, scene, &dataset.views).unwrap();
-    while trainer.steps_done() < trainer.config().steps {
+    while trainer.steps_done() < trainer.config().schedule.steps {
         trainer.step().unwrap();
     }
     let scene = trainer.scene();
@@ -139,7 +139,10 @@ fn written(share: f64) -> TempDir {
     ply += "property float x\nproperty float y\nproperty float z\nend_header\n";
     ply.extend(points.iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)));
     fs::write(folder.path().join("points.ply"), ply).unwrap();
-    let settings = TrainConfig { shell: None, inner_box: None, near_far: None, ..config() };
+    let mut settings = config();
+    settings.model.contraction = None;
+    settings.space.inner_box = None;
+    settings.space.near_far = None;
     fs::write(folder.path().join("settings.toml"), settings.to_toml()).unwrap();
     folder
 }
@@ -155,8 +158,12 @@ fn planned(share: f64) -> String {
 #[test]
 fn a_trained_file_has_viewpoints_where_its_photographs_were_taken() {
     let folder = written(1.0);
-    let settings = TrainConfig { steps: 2, occupancy_at: vec![], shell: Some(0.4), ..config() };
-    let settings = TrainConfig { inner_box: None, near_far: None, ..settings };
+    let mut settings = config();
+    settings.schedule.steps = 2;
+    settings.schedule.occupancy_at = vec![];
+    settings.model.contraction = Some(Contraction { shell: 0.4 });
+    settings.space.inner_box = None;
+    settings.space.near_far = None;
     fs::write(folder.path().join("settings.toml"), settings.to_toml()).unwrap();
     let train = ["train", ".", "--config", "settings.toml", "-o", "walls.strivec"];
     run(folder.path(), &[&train[..], &["--prior", "points.ply", "--quiet"]].concat());
@@ -181,7 +188,10 @@ fn points_are_the_prior_where_tensors_around_them_meet_the_rays() {
 
 #[test]
 fn the_share_of_rays_that_meet_tensors_is_that_of_the_covered_walls() {
-    let config = TrainConfig { shell: None, inner_box: None, near_far: Some([0.5, 40.0]), ..config() };
+    let mut config = config();
+    config.model.contraction = None;
+    config.space.inner_box = None;
+    config.space.near_far = Some([0.5, 40.0]);
     let lattice = Lattice { origin: DVec3::splat(-15.3), pitch: DVec3::splat(0.6) };
     let cells = |points: Vec<DVec3>| {
         let mut cells: Vec<UVec3> = points.iter().map(|&p| lattice.cell_of(p).as_uvec3()).collect();

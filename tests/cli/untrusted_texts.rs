@@ -190,7 +190,7 @@ fn no_error_of_a_dataset_or_of_geometry_prints_texts_raw() {
         let text = run(strivec, folder, &["--force", "prior", &file, "-o", "prior.npy", "--voxel", "0.1"]);
         assert!(ending == "obj" || text.contains("\\u{1b}"), "{file:?}: {text}");
     }
-    fs::write(folder.join("evil.toml"), format!("steps = \"{lines}\"\n")).unwrap();
+    fs::write(folder.join("evil.toml"), format!("schedule.steps = \"{lines}\"\n")).unwrap();
     let text = run(strivec, folder, &["train", "colmap", "-o", "x.strivec", "--config", "evil.toml"]);
     assert!(text.starts_with("strivec: evil.toml: ") && text.lines().count() > 2, "{text}");
     fs::write(folder.join("path.json"), format!("{{{evil}: 1}}")).unwrap();

@@ -12,7 +12,9 @@ use tempfile::TempDir;
 /// white, which 8 bits do not round.
 const SETTINGS: &str = "
 preset = \"fast\"
+[sampling]
 batch_rays = 256
+[schedule]
 upsample_at = [40]
 occupancy_at = [40, 80]
 steps = 120
@@ -142,9 +144,9 @@ fn a_bootstrapped_and_pruned_training_says_what_it_left_out() {
     let train = |output: &str, more: &[&str]| {
         json(folder, &[&["train", "data", "-o", output, "--config", "tiny.toml", "--bootstrap"], more].concat())
     };
-    let kept = train("kept.strivec", &["--prune", "--keep-dead"]);
+    let kept = train("kept.strivec", &["--set", "schedule.prune=true", "--keep-dead"]);
     assert!(kept["dead_components"].is_null(), "{kept}");
-    let cleared = train("cleared.strivec", &["--prune"]);
+    let cleared = train("cleared.strivec", &["--set", "schedule.prune=true"]);
     println!("{}", cleared["dead_components"]);
     let number = |key: &str| cleared["dead_components"][key].as_f64().unwrap();
     assert!(number("psnr_after") >= number("psnr_before") - 0.01);
@@ -166,8 +168,10 @@ fn a_bootstrapped_and_pruned_training_says_what_it_left_out() {
         assert_eq!(output.status.code(), Some(1));
         String::from_utf8_lossy(&output.stderr).into_owned()
     };
-    assert!(message(&["train", "data", "-o", "c.strivec", "--resume", "--prune"]).contains("--prune"));
-    let settings = run(folder, &["train", "--config", "tiny.toml", "--prune", "--print-config"]);
+    assert!(
+        message(&["train", "data", "-o", "c.strivec", "--resume", "--set", "schedule.prune=true"]).contains("--set")
+    );
+    let settings = run(folder, &["train", "--config", "tiny.toml", "--set", "schedule.prune=true", "--print-config"]);
     assert!(settings.contains("prune = true") && settings.contains("resolution = 12"), "{settings}");
 }
 
@@ -177,7 +181,10 @@ fn views_follow_refined_poses_and_an_opaque_capture_has_behind_it_what_is_seen_p
     let folder = temporary.path();
     fs::write(folder.join("tiny.toml"), SETTINGS).unwrap();
     run(folder, &["synth", "data", "--views", "12", "--test-views", "3", "--size", "24x24", "--seed", "6"]);
-    run(folder, &["train", "data", "-o", "a.strivec", "--config", "tiny.toml", "--quiet", "--refine-poses"]);
+    run(
+        folder,
+        &["train", "data", "-o", "a.strivec", "--config", "tiny.toml", "--quiet", "--set", "poses.refine=true"],
+    );
     assert_eq!(json(folder, &["info", "a.strivec"])["background"], serde_json::json!([1.0, 1.0, 1.0]));
     let eval =
         |poses: &[&str]| json(folder, &[&["eval", "a.strivec", "data"], poses].concat())["psnr"].as_f64().unwrap();

@@ -14,7 +14,7 @@ fn distributions_of_errors_by_renderer_and_decoder_mode() {
     for mode in DecoderMode::ALL {
         let mut config = scenes::config();
         config.decoder.mode = mode;
-        config.factor_deviation = 0.8;
+        config.optimizer.factor_deviation = 0.8;
         let mut scene = scenes::scene(&config);
         // Moves the first sample of rays off the tensors' faces.
         scene.bounds = scene.bounds.grown(DVec3::splat(0.0123));

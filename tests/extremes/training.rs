@@ -96,7 +96,10 @@ fn views(count: usize) -> Vec<Photograph> {
 }
 
 fn config() -> TrainConfig {
-    TrainConfig { steps: 200, batch_rays: 200, ..scenes::config() }
+    let mut config = scenes::config();
+    config.schedule.steps = 200;
+    config.sampling.batch_rays = 200;
+    config
 }
 
 #[test]
@@ -108,7 +111,9 @@ fn a_run_that_diverges_is_stopped_within_a_few_steps_and_says_what_to_change() {
         ("factor_learning_rate", 1e30, 1e-3),
         ("network_learning_rate", 0.02, 1e30),
     ] {
-        let config = TrainConfig { factor_learning_rate: factor_rate, network_learning_rate: network_rate, ..config() };
+        let mut config = config();
+        config.optimizer.factor_learning_rate = factor_rate;
+        config.optimizer.network_learning_rate = network_rate;
         let mut trainer = Trainer::new(config.clone(), scenes::scene(&config), &views).unwrap();
         let error = (0..200).find_map(|_| trainer.step().err()).expect("an error");
         println!("{error}");
@@ -122,8 +127,8 @@ fn a_healthy_run_is_not_stopped_and_its_error_falls_also_at_five_times_the_learn
     let views = views(8);
     for times in [0.1, 1.0, 5.0] {
         let mut config = config();
-        config.factor_learning_rate *= times;
-        config.network_learning_rate *= times;
+        config.optimizer.factor_learning_rate *= times;
+        config.optimizer.network_learning_rate *= times;
         let mut trainer = Trainer::new(config.clone(), scenes::scene(&config), &views).unwrap();
         let errors: Vec<f64> = (0..200).map(|_| trainer.step().unwrap().mean_squared_error).collect();
         let psnr = |part: &[f64]| psnr_of_mse(part.iter().sum::<f64>() / part.len() as f64);
@@ -146,7 +151,7 @@ fn in_world(views: &[Photograph], factor: f64, offset: DVec3) -> Vec<Photograph>
 fn every_world_scale_and_place_trains_to_the_same_error() {
     let seen = views(12);
     let mut config = config();
-    config.steps = 120;
+    config.schedule.steps = 120;
     config.prior.voxels = 8000;
     config.prior.steps = vec![100];
     config.prior.rays = 512;
@@ -156,7 +161,7 @@ fn every_world_scale_and_place_trains_to_the_same_error() {
         let scene = place_scene(&config, &dataset, &occupied).unwrap();
         let tensors: usize = scene.scales.iter().map(|s| s.cloud.len()).sum();
         let mut trainer = Trainer::new(config.clone(), scene, &dataset.views).unwrap();
-        let errors: Vec<f64> = (0..config.steps).map(|_| trainer.step().unwrap().mean_squared_error).collect();
+        let errors: Vec<f64> = (0..config.schedule.steps).map(|_| trainer.step().unwrap().mean_squared_error).collect();
         let psnr = psnr_of_mse(errors[100..].iter().sum::<f64>() / (errors.len() - 100) as f64);
         println!("world of {factor:e}, {offset} off: {tensors} tensors, {psnr:.3} dB");
         psnr

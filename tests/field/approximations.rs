@@ -6,10 +6,11 @@ use strivec_field::render::{Approximation, CpuRenderer, Picture, ReferenceRender
 use strivec_format::Place;
 use strivec_format::geometry::Camera;
 use strivec_format::model::{DecoderMode, Scene};
-use strivec_train::TrainConfig;
 
 fn scene() -> Scene {
-    scenes::scene(&TrainConfig { factor_deviation: 0.8, ..scenes::config() })
+    let mut config = scenes::config();
+    config.optimizer.factor_deviation = 0.8;
+    scenes::scene(&config)
 }
 
 /// A camera whose picture is not a multiple of the tile size.

@@ -34,7 +34,12 @@ fn views() -> Vec<Photograph> {
 }
 
 fn config(steps: u64) -> TrainConfig {
-    TrainConfig { steps, batch_rays: 200, sky_degree: Some(1), occupancy_at: vec![8], ..scenes::config() }
+    let mut config = scenes::config();
+    config.schedule.steps = steps;
+    config.sampling.batch_rays = 200;
+    config.photographs.sky_degree = Some(1);
+    config.schedule.occupancy_at = vec![8];
+    config
 }
 
 fn trainer<'a>(config: &TrainConfig, views: &'a [Photograph]) -> Trainer<'a> {
@@ -55,8 +60,9 @@ fn file(scene: &Scene) -> Vec<u8> {
 fn a_sky_is_learned_and_all_rays_take_part() {
     let views = views();
     let mut with = config(250);
-    with.sky_learning_rate = 0.2;
-    let without = TrainConfig { sky_degree: Some(0), ..with.clone() };
+    with.optimizer.sky_learning_rate = 0.2;
+    let mut without = with.clone();
+    without.photographs.sky_degree = Some(0);
     let [mut sky, mut plain] = [&with, &without].map(|config| trainer(config, &views));
     assert_eq!(sky.ray_count() as u32, 8 * SIZE * SIZE, "rays that meet nothing train the sky");
     assert!(plain.ray_count() < sky.ray_count());
@@ -68,8 +74,8 @@ fn a_sky_is_learned_and_all_rays_take_part() {
         RayBatch::draw(&sampler, &field, &Random::new(1, "judged"), 0, 2000)
     };
     let [before, _] = [&sky, &plain].map(|trainer| rays.psnr(&Field::new(&trainer.scene())));
-    run_to(&mut sky, with.steps);
-    run_to(&mut plain, with.steps);
+    run_to(&mut sky, with.schedule.steps);
+    run_to(&mut plain, with.schedule.steps);
     assert_eq!(sky.ray_count() as u32, 8 * SIZE * SIZE, "and are not filtered out with the occupancy");
     let [after, background] = [&sky, &plain].map(|trainer| rays.psnr(&Field::new(&trainer.scene())));
     println!("{before:.2} dB gray, {after:.2} dB trained, {background:.2} dB on a background");
@@ -93,7 +99,7 @@ fn a_run_with_a_sky_ends_in_the_same_file_on_any_threads_and_after_an_interrupti
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let mut trainer = trainer(&config, &views);
-            run_to(&mut trainer, config.steps);
+            run_to(&mut trainer, config.schedule.steps);
             file(&trainer.scene())
         })
     };
@@ -107,7 +113,7 @@ fn a_run_with_a_sky_ends_in_the_same_file_on_any_threads_and_after_an_interrupti
         let scene = container::decode(&scene).unwrap();
         assert!(scene.rules.sky.as_ref().unwrap().coefficients.iter().any(|c| *c != 0.0));
         let mut second = Trainer::resume(checkpoint.clone(), scene.clone(), &views).unwrap();
-        run_to(&mut second, config.steps);
+        run_to(&mut second, config.schedule.steps);
         assert!(whole == file(&second.scene()), "resumed after step {stop}");
         // The optimizer has moments for the sky.
         let mut other = scene;
@@ -126,7 +132,9 @@ fn a_sky_takes_the_place_of_random_backgrounds() {
             Photograph::new(view.name, view.camera, Pixels::Rgba8(pixels.collect()))
         })
         .collect();
-    let config = TrainConfig { random_background: true, sky_degree: Some(0), ..config(3) };
+    let mut config = config(3);
+    config.photographs.random_background = true;
+    config.photographs.sky_degree = Some(0);
     let mut scene = scenes::scene(&config);
     let errors = |scene: &Scene| {
         let mut trainer = Trainer::new(config.clone(), scene.clone(), &transparent).unwrap();
@@ -135,7 +143,8 @@ fn a_sky_takes_the_place_of_random_backgrounds() {
     let random = errors(&scene);
     scene.rules.sky = Some(scenes::sky(1));
     let found = errors(&scene);
-    let without = TrainConfig { random_background: false, ..config.clone() };
+    let mut without = config.clone();
+    without.photographs.random_background = false;
     let mut expected = Trainer::new(without, scene.clone(), &transparent).unwrap();
     let expected: BTreeSet<u64> = (0..2).map(|_| expected.step().unwrap().mean_squared_error.to_bits()).collect();
     assert!(found == expected && found != random);

@@ -22,10 +22,10 @@ use strivec_format::container::{
 };
 use strivec_format::geometry::Aabb;
 use strivec_format::model::{
-    Aggregation, Coverage, DecoderMode, FactorKind, Occupancy, Placement, Reduction, Scene, UpAxis,
+    Aggregation, Coverage, DecoderMode, FactorKind, Occupancy, Placement, Reduction, Rules, Scene, UpAxis,
 };
 use strivec_measure::{check_probes, make_probes, probe_density_error};
-use strivec_train::{DecoderConfig, FieldConfig, ScaleConfig, TrainConfig};
+use strivec_train::{DecoderConfig, OptimizerConfig, ScaleConfig, TrainConfig};
 use surgery::{File, Part as Section, name, seal, seal_header};
 
 fn folder(name: &str) -> PathBuf {
@@ -49,13 +49,14 @@ fn ball_of(factors: FactorKind) -> Scene {
         appearance_rank,
         top_k: 4,
     };
+    let base = scenes::config();
     let config = TrainConfig {
         decoder: DecoderConfig { features: 5, hidden: vec![8], ..DecoderConfig::default() },
         scales: vec![scale(0.6, [3, 2, 4], 3, 4), scale(0.35, [2, 3, 2], 2, 9)],
         // Opaque, so that thresholds matter, and as different from sample to sample as can be.
-        field: FieldConfig { density_shift: 0.0, distance_scale: 25.0, min_weight: 0.01, ..FieldConfig::default() },
-        factor_deviation: 1.5,
-        ..scenes::config()
+        model: Rules { density_shift: 0.0, distance_scale: 25.0, min_weight: 0.01, ..base.model },
+        optimizer: OptimizerConfig { factor_deviation: 1.5, ..base.optimizer },
+        ..base
     };
     let mut scene = scenes::scene(&config);
     // Away from the tensors' faces, on which every ray's first sample would lie.

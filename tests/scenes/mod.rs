@@ -5,11 +5,14 @@ use glam::{DQuat, DVec3, UVec3};
 use strivec_format::container::{Pose, TrainingCamera};
 use strivec_format::geometry::{Aabb, Camera, Contraction, Distortion, Lattice, Lens, Projection, Similarity};
 use strivec_format::model::{
-    Aggregation, ColorSpace, Coverage, DecoderMode, FactorKind, Frame, Occupancy, Placement, Reduction, Scene, Sky,
-    TensorCloud, UpAxis,
+    Aggregation, ColorSpace, Coverage, DecoderMode, FactorKind, Frame, Occupancy, Placement, Reduction, Rules, Scene,
+    Sky, TensorCloud, UpAxis,
 };
 use strivec_format::random::Random;
-use strivec_train::{DecoderConfig, FieldConfig, FinishConfig, LeanConfig, ScaleConfig, TrainConfig, initial_scene};
+use strivec_train::{
+    DecoderConfig, FinishConfig, LeanConfig, OptimizerConfig, SamplingConfig, ScaleConfig, ScheduleConfig, TrainConfig,
+    initial_scene,
+};
 
 /// A configuration of two or three scales with small, anisotropic tensors.
 pub(crate) fn config() -> TrainConfig {
@@ -23,14 +26,13 @@ pub(crate) fn config() -> TrainConfig {
         appearance_rank,
         top_k,
     };
+    let base = TrainConfig::preset("48").unwrap();
     TrainConfig {
         seed: 5,
-        steps: 10,
-        batch_rays: 64,
-        factor_deviation: 0.5,
-        upsample_at: vec![],
-        occupancy_at: vec![],
-        field: FieldConfig { density_shift: -2.0, distance_scale: 6.0, ..FieldConfig::default() },
+        schedule: ScheduleConfig { steps: 10, upsample_at: vec![], occupancy_at: vec![], ..base.schedule },
+        sampling: SamplingConfig { batch_rays: 64, ..base.sampling },
+        optimizer: OptimizerConfig { factor_deviation: 0.5, ..base.optimizer },
+        model: Rules { density_shift: -2.0, distance_scale: 6.0, ..base.model },
         decoder: DecoderConfig { features: 5, hidden: vec![16, 12], ..DecoderConfig::default() },
         // All components stay, and the march.
         lean: LeanConfig::off(),
@@ -41,7 +43,7 @@ pub(crate) fn config() -> TrainConfig {
             scale([0.25, 0.25, 0.2], [4, 6, 3], 8, 8, 3),
             scale([0.2, 0.16, 0.2], [3, 2, 5], 3, 17, 4),
         ],
-        ..TrainConfig::preset("48").unwrap()
+        ..base
     }
 }
 
@@ -119,12 +121,12 @@ pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
     for (bits, mode) in (0..16).flat_map(|bits| DecoderMode::ALL.map(|mode| (bits, mode))) {
         let mut config = self::config();
         let reduction = |mean| if mean { Reduction::Mean } else { Reduction::Sum };
-        config.field.coverage = if bits & 1 == 0 { Coverage::All } else { Coverage::Any };
-        config.field.aggregation = if bits & 2 == 0 { Aggregation::Normalized } else { Aggregation::Clamped };
-        config.field.density_reduction = reduction(bits & 4 != 0);
-        config.field.appearance_reduction = reduction(bits & 8 != 0);
+        config.model.coverage = if bits & 1 == 0 { Coverage::All } else { Coverage::Any };
+        config.model.aggregation = if bits & 2 == 0 { Aggregation::Normalized } else { Aggregation::Clamped };
+        config.model.density_reduction = reduction(bits & 4 != 0);
+        config.model.appearance_reduction = reduction(bits & 8 != 0);
         config.decoder.mode = mode;
-        config.factor_deviation = 0.8;
+        config.optimizer.factor_deviation = 0.8;
         let mut scene = self::scene(&config);
         // Away from the tensors' faces, on which every ray's first sample would lie.
         scene.bounds = scene.bounds.grown(DVec3::splat(0.0123));
@@ -133,7 +135,7 @@ pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
         scene.rules.sky = (u32::count_ones(bits) % 2 == 1).then(|| sky(1 + bits / 2 % Sky::MAX_DEGREE));
         scene.check().unwrap();
         let degree = scene.rules.sky.as_ref().map_or(0, |sky| sky.degree);
-        cases.push((format!("{:?}, {:?}, sky of degree {degree}", config.field, scene.decoder.mode), scene));
+        cases.push((format!("{:?}, {:?}, sky of degree {degree}", config.model, scene.decoder.mode), scene));
     }
     for n in 0..DecoderMode::ALL.len() {
         let mut scene = cases[n].1.clone();
@@ -153,10 +155,10 @@ pub(crate) fn rule_cases() -> Vec<(String, Scene)> {
     }
     for (n, kinds) in [[FactorKind::Vm; 3], [FactorKind::Cp, FactorKind::Vm, FactorKind::Vm]].into_iter().enumerate() {
         let mut config = with_kinds(self::config(), &kinds);
-        config.factor_deviation = 0.8;
+        config.optimizer.factor_deviation = 0.8;
         if n == 1 {
-            config.field.coverage = Coverage::Any;
-            (config.field.density_reduction, config.field.appearance_reduction) = (Reduction::Mean, Reduction::Mean);
+            config.model.coverage = Coverage::Any;
+            (config.model.density_reduction, config.model.appearance_reduction) = (Reduction::Mean, Reduction::Mean);
             config.decoder.mode = DecoderMode::Residual;
         }
         let mut scene = self::scene(&config);

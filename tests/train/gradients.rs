@@ -240,13 +240,13 @@ fn kink_distance(field: &Field<f64>, rays: &[Ray]) -> f64 {
 
 fn configs() -> Vec<TrainConfig> {
     let mut plain = scenes::config();
-    plain.field.density_shift = -6.0;
+    plain.model.density_shift = -6.0;
     let mut other = scenes::config();
-    other.field.coverage = Coverage::Any;
-    other.field.aggregation = Aggregation::Clamped;
-    other.field.density_reduction = Reduction::Mean;
-    other.field.appearance_reduction = Reduction::Mean;
-    other.field.density_shift = -4.0;
+    other.model.coverage = Coverage::Any;
+    other.model.aggregation = Aggregation::Clamped;
+    other.model.density_reduction = Reduction::Mean;
+    other.model.appearance_reduction = Reduction::Mean;
+    other.model.density_shift = -4.0;
     vec![plain, other]
 }
 

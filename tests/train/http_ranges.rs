@@ -10,7 +10,6 @@ use std::thread::JoinHandle;
 use strivec_format::container::{EncodeOptions, Error, Fetch, Limits, Metadata, Part, Reader, encode_scene_file};
 use strivec_format::geometry::Aabb;
 use strivec_format::model::Scene;
-use strivec_train::TrainConfig;
 
 /// A server of one file that answers one range a request, as static file servers do.
 struct Server {
@@ -80,7 +79,9 @@ fn ask(url: String) -> Fetch<impl Fn(Range<u64>) -> Result<Vec<u8>, String>> {
 
 /// Three scales of growing size in chunks.
 fn scene() -> Scene {
-    scenes::scene(&TrainConfig { factor_deviation: 0.5, ..scenes::config() })
+    let mut config = scenes::config();
+    config.optimizer.factor_deviation = 0.5;
+    scenes::scene(&config)
 }
 
 fn file(scene: &Scene) -> Vec<u8> {

@@ -56,7 +56,8 @@ fn colors_are_composited_on_the_scene_s_background() {
 #[test]
 fn random_backgrounds_are_each_draw_s_own_and_behind_transparent_views_only() {
     let views = views();
-    let config = TrainConfig { random_background: true, ..scenes::config() };
+    let mut config = scenes::config();
+    config.photographs.random_background = true;
     let draws = drawn(&views, &config, 4 * PIXELS);
     let mut seen = BTreeSet::new();
     let mut sums = [0.0; 3];

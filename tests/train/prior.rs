@@ -382,7 +382,7 @@ fn eight_tensors_name_what_is_wrong() {
     let mut short = dataset.clone();
     short.views[3].pixels = Pixels::opaque(vec![[1.0; 3]; 16 * 16 - 1]);
     assert!(run(&config, &short).contains("r_3"));
-    config.near_far = Some([5.0, 4.0]);
+    config.space.near_far = Some([5.0, 4.0]);
     assert!(run(&config, &dataset).contains("near"));
     for (text, place) in [
         ("steps = []", "bootstrap.steps"),

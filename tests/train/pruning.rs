@@ -104,8 +104,8 @@ fn without_an_occupancy_all_stay_and_of_each_scale_at_least_one() {
 /// As presets have it: a density feature of 0 is empty.
 fn config() -> TrainConfig {
     let mut config = scenes::config();
-    config.field.density_shift = -10.0;
-    config.field.distance_scale = 25.0;
+    config.model.density_shift = -10.0;
+    config.model.distance_scale = 25.0;
     config.scales.truncate(2);
     config
 }

@@ -18,7 +18,7 @@ use strivec_train::{
 /// As presets have it: a density feature of 0 is empty.
 fn config() -> TrainConfig {
     let mut config = scenes::config();
-    config.batch_rays = 256;
+    config.sampling.batch_rays = 256;
     config.scales.truncate(2);
     config
 }
@@ -83,7 +83,10 @@ struct Shrunk {
 
 /// `config` with learning rates that hardly change a trained scene.
 fn gentle() -> TrainConfig {
-    TrainConfig { factor_learning_rate: 4e-5, network_learning_rate: 4e-5, ..config() }
+    let mut config = config();
+    config.optimizer.factor_learning_rate = 4e-5;
+    config.optimizer.network_learning_rate = 4e-5;
+    config
 }
 
 /// `views` with noise: exact photographs have an endless PSNR.
@@ -157,7 +160,8 @@ fn training_gives_up_what_does_nothing() {
     let wide = with_idle_components(&scene, 3);
     let lean = |most: u64| {
         let mut config = config();
-        (config.steps, config.factor_learning_rate, config.network_learning_rate) = (40, 1e-5, 1e-5);
+        (config.schedule.steps, config.optimizer.factor_learning_rate, config.optimizer.network_learning_rate) =
+            (40, 1e-5, 1e-5);
         config.lean.max_parameters = Some(most);
         for (settings, scale) in config.scales.iter_mut().zip(&wide.scales) {
             settings.resolutions = vec![scale.cloud.resolution];

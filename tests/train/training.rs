@@ -36,12 +36,12 @@ const HALF: u64 = 20_000;
 /// exposures, half of the components given up in five rounds, and other rules in the end.
 fn config() -> TrainConfig {
     let mut config = scenes::config();
-    config.steps = 24;
-    config.batch_rays = 200;
-    config.occupancy_at = vec![8, 16];
-    config.refilter_rays = true;
-    config.exposure = Exposure::On;
-    config.upsample_at = vec![8, 12];
+    config.schedule.steps = 24;
+    config.sampling.batch_rays = 200;
+    config.schedule.occupancy_at = vec![8, 16];
+    config.sampling.refilter_rays = true;
+    config.photographs.exposure = Exposure::On;
+    config.schedule.upsample_at = vec![8, 12];
     for scale in &mut config.scales {
         let [first] = scale.resolutions[..] else { panic!("one resolution") };
         scale.resolutions = vec![first, first.map(|d| d + 1), first.map(|d| 2 * d)];
@@ -78,7 +78,7 @@ fn one_two_and_three_threads_make_the_same_file() {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
                 let mut trainer = trainer(&views);
-                run_to(&mut trainer, config().steps);
+                run_to(&mut trainer, config().schedule.steps);
                 file(&trainer.scene())
             })
         })
@@ -86,7 +86,7 @@ fn one_two_and_three_threads_make_the_same_file() {
     assert!(files[0] == files[1] && files[0] == files[2]);
 
     let mut shorter = trainer(&views);
-    run_to(&mut shorter, config().steps - 1);
+    run_to(&mut shorter, config().schedule.steps - 1);
     assert!(files[0] != file(&shorter.scene()), "the comparison sees one step's difference");
 }
 
@@ -94,7 +94,7 @@ fn one_two_and_three_threads_make_the_same_file() {
 fn a_run_resumed_at_any_point_of_the_schedule_ends_in_the_same_file() {
     let views = views();
     let mut whole = trainer(&views);
-    run_to(&mut whole, config().steps);
+    run_to(&mut whole, config().schedule.steps);
     assert!(whole.scene().occupancy.is_some(), "the occupancy is part of what must survive");
     let [all, held] = [whole.scene().parameter_count(), whole.scene().nonzero_parameter_count()];
     println!("{held} of {all} parameters are held");
@@ -107,14 +107,15 @@ fn a_run_resumed_at_any_point_of_the_schedule_ends_in_the_same_file() {
         let (checkpoint, scene) = Checkpoint::from_bytes(&state).unwrap();
         let mut second = Trainer::resume(checkpoint, container::decode(&scene).unwrap(), &views).unwrap();
         assert_eq!(second.steps_done(), stop);
-        run_to(&mut second, config().steps);
+        run_to(&mut second, config().schedule.steps);
         assert!(file(&whole.scene()) == file(&second.scene()), "resumed after step {stop}");
     }
 }
 
 /// A run whose scene counts on one side only from the start, so that pruning has something to remove.
 fn pruning_trainer(views: &[Photograph], prune: bool) -> Trainer<'_> {
-    let config = TrainConfig { prune, lean: LeanConfig::off(), ..config() };
+    let mut config = TrainConfig { lean: LeanConfig::off(), ..config() };
+    config.schedule.prune = prune;
     let mut scene = scenes::scene(&config);
     let mut occupancy = Occupancy::empty(scene.bounds, UVec3::splat(13));
     for z in 0..13 {
@@ -135,7 +136,7 @@ fn a_run_that_prunes_is_smaller_the_same_on_any_threads_and_goes_on_to_the_same_
             let mut trainer = pruning_trainer(&views, prune);
             let tensors = |t: &Trainer| t.scene().scales.iter().map(|s| s.cloud.len()).collect::<Vec<_>>();
             let before = tensors(&trainer);
-            run_to(&mut trainer, config().steps);
+            run_to(&mut trainer, config().schedule.steps);
             (before, tensors(&trainer), file(&trainer.scene()))
         })
     };
@@ -152,7 +153,7 @@ fn a_run_that_prunes_is_smaller_the_same_on_any_threads_and_goes_on_to_the_same_
         drop(first);
         let (checkpoint, scene) = Checkpoint::from_bytes(&state).unwrap();
         let mut second = Trainer::resume(checkpoint, container::decode(&scene).unwrap(), &views).unwrap();
-        run_to(&mut second, config().steps);
+        run_to(&mut second, config().schedule.steps);
         assert!(file(&second.scene()) == whole, "resumed after step {stop}");
     }
 }
@@ -164,7 +165,7 @@ fn clearing_what_is_unused_depends_on_no_thread_and_on_no_interruption() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let mut trainer = pruning_trainer(&views, false);
-            run_to(&mut trainer, config().steps);
+            run_to(&mut trainer, config().schedule.steps);
             if resume {
                 let state = trainer.checkpoint().to_bytes(&file(&trainer.scene()));
                 let (checkpoint, scene) = Checkpoint::from_bytes(&state).unwrap();
@@ -189,7 +190,7 @@ fn a_new_occupancy_decides_which_rays_are_drawn() {
     let views = views();
     let counts = [false, true].map(|redraw| {
         let mut config = config();
-        config.refilter_rays = redraw;
+        config.sampling.refilter_rays = redraw;
         let mut trainer = Trainer::new(config.clone(), scenes::scene(&config), &views).unwrap();
         let before = trainer.ray_count();
         run_to(&mut trainer, 8);
@@ -262,12 +263,13 @@ fn a_damaged_state_and_other_photographs_are_named() {
 fn matrices_are_learned_and_resumed() {
     let views = views();
     let mut config = scenes::with_kinds(config(), &[FactorKind::Vm; 3]);
-    (config.density_l1, config.density_variation, config.appearance_variation) = (1e-4, 1e-3, 1e-3);
+    (config.loss.density_l1, config.loss.density_variation, config.loss.appearance_variation) = (1e-4, 1e-3, 1e-3);
     config.lean.max_parameters = Some(60_000);
-    (config.steps, config.upsample_at, config.occupancy_at) = (60, vec![10, 20], vec![15, 30]);
+    (config.schedule.steps, config.schedule.upsample_at, config.schedule.occupancy_at) =
+        (60, vec![10, 20], vec![15, 30]);
     let begun = || Trainer::new(config.clone(), scenes::scene(&config), &views).unwrap();
     let mut whole = begun();
-    let errors: Vec<f64> = (0..config.steps).map(|_| whole.step().unwrap().mean_squared_error).collect();
+    let errors: Vec<f64> = (0..config.schedule.steps).map(|_| whole.step().unwrap().mean_squared_error).collect();
     let psnr = |part: &[f64]| psnr_of_mse(part.iter().sum::<f64>() / part.len() as f64);
     let (before, after) = (psnr(&errors[..5]), psnr(&errors[55..]));
     let [all, held] = [whole.scene().parameter_count(), whole.scene().nonzero_parameter_count()];
@@ -279,7 +281,7 @@ fn matrices_are_learned_and_resumed() {
         let state = first.checkpoint().to_bytes(&file(&first.scene()));
         let (checkpoint, scene) = Checkpoint::from_bytes(&state).unwrap();
         let mut second = Trainer::resume(checkpoint, container::decode(&scene).unwrap(), &views).unwrap();
-        run_to(&mut second, config.steps);
+        run_to(&mut second, config.schedule.steps);
         assert!(file(&whole.scene()) == file(&second.scene()), "resumed after step {stop}");
     }
 }
@@ -288,9 +290,9 @@ fn matrices_are_learned_and_resumed() {
 fn the_error_falls() {
     let views = views();
     let mut config = config();
-    config.steps = 300;
-    config.upsample_at = vec![20, 40];
-    config.occupancy_at = vec![30, 60];
+    config.schedule.steps = 300;
+    config.schedule.upsample_at = vec![20, 40];
+    config.schedule.occupancy_at = vec![30, 60];
     let scene = scenes::scene(&config);
     let mut trainer = Trainer::new(config, scene, &views).unwrap();
     let errors: Vec<f64> = (0..300).map(|_| trainer.step().unwrap().mean_squared_error).collect();
@@ -311,9 +313,11 @@ fn photographs_of_uneven_exposure_give_the_scene_of_their_mean() {
         })
         .collect();
     let error_of = |exposure: Exposure| {
-        let config = TrainConfig { exposure, steps: 200, ..scenes::config() };
+        let mut config = scenes::config();
+        config.photographs.exposure = exposure;
+        config.schedule.steps = 200;
         let mut trainer = Trainer::new(config.clone(), scenes::scene(&config), &uneven).unwrap();
-        run_to(&mut trainer, config.steps);
+        run_to(&mut trainer, config.schedule.steps);
         let renderer = CpuRenderer::new(&trainer.scene());
         let mut squared = 0.0;
         for view in &even {
@@ -354,8 +358,14 @@ fn pose_error(cameras: &[Camera], views: &[Photograph]) -> f64 {
 
 /// Settings with which poses alone change.
 fn frozen() -> TrainConfig {
-    let rates = TrainConfig { factor_learning_rate: 1e-12, network_learning_rate: 1e-12, ..scenes::config() };
-    TrainConfig { refine_poses: true, exposure: Exposure::Off, steps: 30, batch_rays: 64, ..rates }
+    let mut config = scenes::config();
+    config.optimizer.factor_learning_rate = 1e-12;
+    config.optimizer.network_learning_rate = 1e-12;
+    config.poses.refine = true;
+    config.photographs.exposure = Exposure::Off;
+    config.schedule.steps = 30;
+    config.sampling.batch_rays = 64;
+    config
 }
 
 #[test]
@@ -380,7 +390,8 @@ fn a_wrong_focal_length_is_found_again_with_the_poses() {
     wrong.iter_mut().for_each(|view| view.camera.focal = view.camera.focal.map(|focal| 1.04 * focal));
     let scene = || scenes::scene(&TrainConfig { seed: 77, ..scenes::config() });
     let error = |refine_focal_length: bool| {
-        let config = TrainConfig { refine_focal_length, ..frozen() };
+        let mut config = frozen();
+        config.poses.refine_focal_length = refine_focal_length;
         let mut trainer = Trainer::new(config, scene(), &wrong).unwrap();
         run_to(&mut trainer, 25);
         let cameras = trainer.refined_cameras().unwrap();
@@ -397,7 +408,10 @@ fn a_wrong_focal_length_is_found_again_with_the_poses() {
 #[test]
 fn a_run_that_refines_poses_resumes_to_the_same_file() {
     let wrong = disturbed(&views(), 1.0, 0.03);
-    let config = TrainConfig { refine_poses: true, refine_focal_length: true, steps: 60, ..config() };
+    let mut config = config();
+    config.poses.refine = true;
+    config.poses.refine_focal_length = true;
+    config.schedule.steps = 60;
     let state = |trainer: &Trainer<'_>| trainer.checkpoint().to_bytes(&file(&trainer.scene()));
     let mut whole = Trainer::new(config.clone(), scenes::scene(&config), &wrong).unwrap();
     run_to(&mut whole, 3);

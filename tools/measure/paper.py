@@ -199,7 +199,7 @@ TABLES = {
         row("48", figures(), name="coarse volume"),
         row("48", figures(), name="stopped early", training="48, stopped early", early=True),
         row("48", figures(), name="own coarse model", training="48, own coarse model", words=["--bootstrap"]),
-        row("48", figures(), name="pruned", training="48, pruned", change={"prune": True}),
+        row("48", figures(), name="pruned", training="48, pruned", change={"schedule": {"prune": True}}),
     ],
     # "Speed v.s. Performance".
     "speed": lambda: [
@@ -273,7 +273,7 @@ def settings_of(row, options):
     with tempfile.NamedTemporaryFile("w", suffix=".toml") as file:
         file.write(toml_text(settings))
         file.flush()
-        words = ["--config", file.name, "--seed", options.seed, *["--full"] * options.full]
+        words = ["--config", file.name, "--seed", options.seed, *["--set", "lean.max_loss=0"] * options.full]
         steps = options.steps or row.steps
         return strivec(options.strivec, "train", *words, *(["--steps", steps] if steps else []), "--print-config")
 

@@ -76,9 +76,16 @@ def write_noisy(source, target):
     np.save(target, np.concatenate([points, outliers]))
 
 
+def shaped(arguments, source, *options):
+    """The prior that `strivec prior` makes of a file."""
+    target = source.with_suffix(".npz")
+    subprocess.run([arguments.command, "--quiet", "--force", "prior", source, "-o", target, *options], check=True)
+    return target
+
+
 def priors(arguments):
     """(name, arguments of train)."""
-    found = [("coarse reconstruction", []), ("bootstrap", ["--bootstrap"]), ("coarse, pruned in training", ["--prune"])]
+    found = [("coarse reconstruction", []), ("bootstrap", ["--bootstrap"]), ("coarse, pruned in training", ["--set", "schedule.prune=true"])]
     dataset = arguments.dataset
     if (dataset / "occupancy.npz").exists():
         torn, noisy = arguments.out / "torn.ply", arguments.out / "noisy.npy"
@@ -87,10 +94,10 @@ def priors(arguments):
         found += [
             ("exact mesh", ["--prior", dataset / "mesh.ply"]),
             ("mesh with holes", ["--prior", torn]),
-            ("mesh with holes, filled", ["--prior", torn, "--close", str(PATCH)]),
+            ("mesh with holes, filled", ["--prior", shaped(arguments, torn, "--close", str(PATCH))]),
             ("points", ["--prior", dataset / "points.ply"]),
             ("points, 2 % outliers", ["--prior", noisy]),
-            ("the same without outliers", ["--prior", noisy, "--outliers", "16,2"]),
+            ("the same without outliers", ["--prior", shaped(arguments, noisy, "--outliers", "16,2")]),
             ("occupancy", ["--prior", dataset / "occupancy.npz"]),
         ]
     return found + [(name, ["--prior", file]) for name, file in arguments.prior]

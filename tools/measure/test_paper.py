@@ -108,10 +108,10 @@ class Runs(unittest.TestCase):
         self.assertIn("33.14", next(line for line in text.splitlines() if " mean " in line))
 
     def test_parts_of_a_model_and_shared_settings_reach_the_training(self):
-        Path("shared.toml").write_text("batch_rays = 64\n[decoder]\nfeatures = 3\n")
+        Path("shared.toml").write_text("sampling.batch_rays = 64\n[decoder]\nfeatures = 3\n")
         self.run_table("scales", "--config", "shared.toml")
         settings = tomllib.loads(Path("paper/48, 0.6 + 0.3/settings.toml").read_text())
-        self.assertEqual((settings["scales"], settings["batch_rays"]), ([{"top_k": 1}, {"top_k": 2}], 64))
+        self.assertEqual((settings["scales"], settings["sampling"]["batch_rays"]), ([{"top_k": 1}, {"top_k": 2}], 64))
         self.assertNotIn("decoder", settings)
         self.run_table("geometry", "--out", "other")
         self.assertEqual(tomllib.loads(Path("other/48, stopped early/settings.toml").read_text())["prior"]["steps"], [50, 1])

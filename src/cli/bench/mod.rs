@@ -19,7 +19,7 @@ use super::{Context, Error};
 const EXAMPLES: &str = "\
 Examples:
   strivec bench
-  strivec bench train lego --scene lego.strivec --batch 4096 --threads-list 1,2
+  strivec bench train lego --scene lego.strivec --set sampling.batch_rays=4096 --threads-list 1,2
   strivec bench render lego.strivec --size 800x800 --runs 5
   strivec bench against ../before/target/release/strivec --fail-above 1.05
 

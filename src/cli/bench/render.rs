@@ -55,7 +55,7 @@ pub(super) fn subject(file: Option<&PathBuf>, console: &Console) -> Result<(Scen
         return Ok((scene_file::read(file, console)?.0.scene, file.display().to_string()));
     }
     let config = TrainConfig::preset(BALL_PRESET).map_err(|e| Error::Runtime(e.to_string()))?;
-    Ok((ball(&config, config.upsample_at.len())?, format!("a ball, preset {BALL_PRESET}")))
+    Ok((ball(&config, config.schedule.upsample_at.len())?, format!("a ball, preset {BALL_PRESET}")))
 }
 
 /// Measures on all numbers of threads.

@@ -9,7 +9,7 @@ use super::report;
 use crate::bench::lab::{Measured, MemoryMark, at_rest, ball, ball_views, training_steps};
 use crate::dataset::DatasetOptions;
 use crate::observer::ConsoleObserver;
-use crate::settings::Preset;
+use crate::settings::{presets, with_assignments};
 use crate::state_file::read_state;
 use crate::table::plural;
 use crate::{Context, Error, scene_file};
@@ -17,14 +17,14 @@ use strivec_capture::dataset;
 use strivec_capture::dataset::{Dataset, Photograph};
 use strivec_format::model::Scene;
 use strivec_train::recipe::Recipe;
-use strivec_train::{TrainConfig, Trainer};
+use strivec_train::{Preset, TrainConfig, Trainer};
 
 const EXAMPLES: &str = "\
 Examples:
   strivec bench train
   strivec bench train --preset 48 --upsampled 0,3,5 --threads-list 1,2
   strivec bench train lego --scene lego.strivec
-  strivec bench train lego --resume lego.strivec.state --batch 8192
+  strivec bench train lego --resume lego.strivec.state --set sampling.batch_rays=8192
   strivec bench train lego --preset 24 --downscale 4 --at 0,500,2500
 
 With --scene, --resume or the ball, the measured steps change only the optimizer's moments, so that all are alike. With --at \
@@ -52,11 +52,11 @@ pub(super) struct Args {
     #[command(flatten)]
     photographs: DatasetOptions,
     /// Preset of the ball, of --at and of --scene [default: the scene's, else 24]
-    #[arg(long, value_enum, conflicts_with = "resume")]
+    #[arg(long, value_name = "NAME", value_parser = presets(), conflicts_with = "resume")]
     preset: Option<Preset>,
-    /// Rays per step [default: the preset's or the state's]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    batch: Option<u32>,
+    /// Set one key of the TOML settings of the preset or of the state, as in sampling.batch_rays=8192; repeatable
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
     #[command(flatten)]
     repeats: Repeats,
 }
@@ -111,7 +111,7 @@ impl Args {
             downscale: 1,
             photographs: DatasetOptions::default(),
             preset: None,
-            batch: None,
+            set: Vec::new(),
             repeats: Repeats::quick(3),
         }
     }
@@ -121,20 +121,18 @@ impl Args {
 pub(super) fn measure(args: &Args, session: &Context) -> Result<Report, Error> {
     let scene = args.start.scene.as_deref().map(|path| scene_file::read(path, &session.console)).transpose()?;
     let scene = scene.map(|(scene_file, _)| scene_file.scene);
-    let of_scene = scene.as_ref().map(|scene| scene.provenance.preset.as_str());
-    let of_scene =
-        of_scene.filter(|name| TrainConfig::PRESETS.iter().any(|known| known == name)).unwrap_or(Preset::P24.name());
-    let preset = args.preset.map_or(of_scene, |preset| preset.name());
-    let mut config = TrainConfig::preset(preset).map_err(|e| Error::Usage(e.to_string()))?;
+    let of_scene = scene.as_ref().and_then(|scene| scene.provenance.preset.parse().ok());
+    let preset = args.preset.or(of_scene).unwrap_or(Preset::Paper24);
+    let mut config = preset.config();
     let state = args.start.resume.as_deref().map(read_state).transpose()?;
     if let Some((progress, _)) = &state {
         config = progress.config.clone();
     }
-    config.batch_rays = args.batch.map_or(config.batch_rays, |b| b as usize);
-    let last = config.upsample_at.len();
+    let config = with_assignments(config, &args.set)?;
+    let last = config.schedule.upsample_at.len();
     let upsampled = if args.upsampled.is_empty() { vec![0, last] } else { args.upsampled.clone() };
     if let Some(found) = upsampled.iter().find(|&&n| n > last) {
-        return Err(Error::Usage(format!("--upsampled {found}: preset {preset} allows 0 to {last}")));
+        return Err(Error::Usage(format!("--upsampled {found}: preset {} allows 0 to {last}", preset.name())));
     }
     let load = |folder: &Path| dataset::load(folder, "train", &args.photographs.load_options(args.downscale));
     let mut dataset = args.dataset.as_deref().map(load).transpose()?;
@@ -164,10 +162,10 @@ pub(super) fn measure(args: &Args, session: &Context) -> Result<Report, Error> {
             }
         })
     })?;
-    let name = dataset.map_or_else(|| format!("a ball, preset {preset}"), |dataset| dataset.name);
+    let name = dataset.map_or_else(|| format!("a ball, preset {}", preset.name()), |dataset| dataset.name);
     let pools = measured.len();
     let points = measured.into_iter().flatten().collect();
-    Ok(Report { subject: name, batch_rays: subject.config.batch_rays, points, pools })
+    Ok(Report { subject: name, batch_rays: subject.config.sampling.batch_rays, points, pools })
 }
 
 /// The subject of the measurement.

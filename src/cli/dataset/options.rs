@@ -10,23 +10,30 @@ use strivec_capture::dataset::{Holdout, Layout, LoadOptions};
 /// Layout and splits of a dataset.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub(crate) struct DatasetOptions {
-    /// Layout of the dataset's folder [default: detected by its files]
+    /// Layout of the folder [default: by its files]
     #[arg(long, value_parser = one_of(Layout::ALL, Layout::name), help_heading = "Dataset")]
     layout: Option<Layout>,
-    /// Test views of a dataset without splits: every Nth photograph by name; 0 for none
+    /// Test views: every Nth photograph; 0 for none
+    ///
+    /// For datasets without splits. Photographs are in the order of their names.
     #[arg(long, value_name = "N", default_value_t = Holdout::default().every, conflicts_with = "test_names", help_heading = "Dataset")]
     test_every: usize,
-    /// Test views of a dataset without splits: those named in a text file, one name per line
+    /// Test views: those named in a text file
+    ///
+    /// For datasets without splits. The file has one name per line.
     #[arg(long, value_name = "FILE", help_heading = "Dataset")]
     test_names: Option<PathBuf>,
     /// Leave out photographs whose pictures do not exist
     #[arg(long, help_heading = "Dataset")]
     skip_missing: bool,
-    /// Maximum memory of the loaded photographs, as in 16GB: 4 bytes per pixel, 16 if downscaled
+    /// Maximum memory of the loaded photographs, as in 16GB
+    ///
+    /// A pixel takes 4 bytes, 16 if photographs are downscaled.
     #[arg(long, value_name = "SIZE", default_value = MAX_MEMORY, value_parser = quantity::size, help_heading = "Dataset")]
     max_memory: u64,
-    /// Turn the dataset about its z axis, as the paper does to measure how much a model depends on the axes; points, meshes and
-    /// boxes that come with it are then left out
+    /// Turn the dataset about its z axis
+    ///
+    /// The paper measures so how much a model depends on the axes. Points, meshes and boxes of the dataset are left out.
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, hide_default_value = true, allow_hyphen_values = true,
         value_parser = in_range(f64::MIN..=f64::MAX, "a number of degrees"), help_heading = "Dataset")]
     turn: f64,

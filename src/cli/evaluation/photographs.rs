@@ -21,7 +21,7 @@ pub(crate) struct Photographs {
     pub(crate) downscale: u32,
     #[command(flatten)]
     selection: ViewSelection,
-    /// Refined poses of the training views, as `train --refine-poses` writes them: views move by the similarity from the
+    /// Refined poses of the training views, as a training with `poses.refine` writes them: views move by the similarity from the
     /// dataset's poses to these [default: views stay where the dataset has them]
     #[arg(long, value_name = "FILE")]
     aligned_to: Option<PathBuf>,

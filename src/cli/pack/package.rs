@@ -25,7 +25,7 @@ use strivec_format::psnr::psnr_of_mse;
 use strivec_train::pack;
 use strivec_train::pack::{Candidate, Goal, MAX_TRIED, search};
 use strivec_train::recipe::{PackOptions, Packing};
-use strivec_train::{FactorImportance, TrainConfig, Trainer};
+use strivec_train::{FactorImportance, Preset, TrainConfig, Trainer};
 
 /// Arguments of `strivec-pack pack`.
 #[derive(Debug, clap::Args)]
@@ -359,10 +359,8 @@ fn tuned(
         let (checkpoint, scene) = state.read_training()?;
         Trainer::resume(checkpoint, scene, &views)?
     } else {
-        let preset = Some(packing.scene.provenance.preset.as_str()).filter(|name| TrainConfig::PRESETS.contains(name));
-        let config = TrainConfig::preset(preset.unwrap_or(TrainConfig::DEFAULT_PRESET));
-        let config = config.map_err(|e| Error::Usage(e.to_string()))?;
-        let config = TrainConfig { seed: args.extras.seed, ..config };
+        let preset: Preset = packing.scene.provenance.preset.parse().unwrap_or_default();
+        let config = TrainConfig { seed: args.extras.seed, ..preset.config() };
         let steps = args.tuning.tune_steps.unwrap_or_else(|| config.steps_for_size());
         let mut trainer = Trainer::new(config, packing.scene.clone(), &views)?;
         let begun = packing.begin_for_size(&mut trainer, target, steps, &mut observer);

@@ -12,7 +12,7 @@ use report::{Report, ScaleUse};
 
 use super::numbers::{POSITIVE, in_range};
 use super::output::check_scene_name;
-use super::settings::{Basics, Precision, Preset};
+use super::settings::{Basics, Precision, presets};
 use super::state_file::{StateFile, run_steps};
 use super::{Context, Error, check_output, quantity, scene_file, write_atomically};
 use strivec_capture::dataset;
@@ -20,7 +20,7 @@ use strivec_format::container;
 use strivec_format::container::{EncodeOptions, Metadata};
 use strivec_format::model::Scene;
 use strivec_measure::color_png;
-use strivec_train::{ShrinkGoal, TrainConfig, Trainer, Tuning, compacted, shrink};
+use strivec_train::{Preset, ShrinkGoal, Trainer, Tuning, compacted, shrink};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -57,7 +57,7 @@ pub(super) struct Args {
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
     /// Preset of the scene's training [default: the file's, else best]
-    #[arg(long, value_enum)]
+    #[arg(long, value_name = "NAME", value_parser = presets())]
     preset: Option<Preset>,
     #[command(flatten)]
     basics: Basics,
@@ -71,7 +71,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "PATH")]
     checkpoint: Option<PathBuf>,
     /// Resume from the checkpoint with its settings and its goal; the result is byte-identical to an uninterrupted run
-    #[arg(long, conflicts_with_all = ["preset", "config", "batch", "seed", "steps", "max_params"])]
+    #[arg(long, conflicts_with_all = ["preset", "config", "set", "seed", "steps", "max_params"])]
     resume: bool,
 }
 
@@ -144,10 +144,10 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
 impl Args {
     /// The training of `scene`.
     fn tuning(&self, scene: &Scene) -> Result<Tuning, Error> {
-        let of_file = Some(scene.provenance.preset.as_str()).filter(|name| TrainConfig::PRESETS.contains(name));
-        let preset = self.preset.map(Preset::name).or(of_file.filter(|_| self.basics.config.is_none()));
+        let of_file = scene.provenance.preset.parse().ok();
+        let preset = self.preset.or(of_file.filter(|_| self.basics.config.is_none()));
         let config = self.basics.configuration(preset)?;
-        let steps = self.steps.unwrap_or(config.steps.div_ceil(SHARE));
+        let steps = self.steps.unwrap_or(config.schedule.steps.div_ceil(SHARE));
         Ok(Tuning { steps, config })
     }
 

@@ -1,6 +1,10 @@
 //! Ranges of settings that their types do not express.
 
-use super::{BootstrapOptions, ConfigError, FinishConfig, LeanConfig, ScaleConfig, TrainConfig};
+use glam::DVec3;
+
+use super::{
+    BootstrapOptions, ConfigError, FinishConfig, LeanConfig, PhotographConfig, ScaleConfig, SpaceConfig, TrainConfig,
+};
 use strivec_format::geometry::Aabb;
 use strivec_format::model::Sky;
 use strivec_format::{Invalid, Place};
@@ -16,16 +20,14 @@ impl TrainConfig {
     /// If a field is out of range; the error names the first such field.
     pub fn check(&self) -> Result<(), ConfigError> {
         for (place, value) in [
-            ("steps", self.steps as f64),
-            ("batch_rays", self.batch_rays as f64),
-            ("factor_learning_rate", self.factor_learning_rate),
-            ("network_learning_rate", self.network_learning_rate),
-            ("sky_learning_rate", self.sky_learning_rate),
-            ("learning_rate_decay", self.learning_rate_decay),
-            ("factor_deviation", self.factor_deviation),
-            ("half_extent", self.half_extent),
-            ("field.distance_scale", self.field.distance_scale),
-            ("field.step_cells", self.field.step_cells),
+            ("schedule.steps", self.schedule.steps as f64),
+            ("sampling.batch_rays", self.sampling.batch_rays as f64),
+            ("optimizer.factor_learning_rate", self.optimizer.factor_learning_rate),
+            ("optimizer.network_learning_rate", self.optimizer.network_learning_rate),
+            ("optimizer.sky_learning_rate", self.optimizer.sky_learning_rate),
+            ("optimizer.learning_rate_decay", self.optimizer.learning_rate_decay),
+            ("optimizer.factor_deviation", self.optimizer.factor_deviation),
+            ("space.half_extent", self.space.half_extent),
         ] {
             positive(place, value)?;
         }
@@ -35,13 +37,13 @@ impl TrainConfig {
             return Err(error("decoder.features", &expected, self.decoder.features));
         }
         for (place, value) in [
-            ("factor_decay", self.factor_decay),
-            ("density_l1", self.density_l1),
-            ("density_variation", self.density_variation),
-            ("appearance_variation", self.appearance_variation),
-            ("distance_weight", self.distance_weight),
-            ("color_roulette", self.color_roulette),
-            ("density_roulette", self.density_roulette),
+            ("optimizer.factor_decay", self.optimizer.factor_decay),
+            ("loss.density_l1", self.loss.density_l1),
+            ("loss.density_variation", self.loss.density_variation),
+            ("loss.appearance_variation", self.loss.appearance_variation),
+            ("loss.distance_weight", self.loss.distance_weight),
+            ("sampling.color_roulette", self.sampling.color_roulette),
+            ("sampling.density_roulette", self.sampling.density_roulette),
             ("lean.max_loss", self.lean.max_loss),
         ] {
             if !(value >= 0.0 && value.is_finite()) {
@@ -53,8 +55,8 @@ impl TrainConfig {
             return Err(error("lean.during", "two ascending numbers in [0, 1]", format!("{from} and {until}")));
         }
         positive("lean.rounds", f64::from(rounds))?;
-        if !(0.0..=1.0).contains(&self.cooldown) {
-            return Err(error("cooldown", "a number in [0, 1]", self.cooldown));
+        if !(0.0..=1.0).contains(&self.optimizer.cooldown) {
+            return Err(error("optimizer.cooldown", "a number in [0, 1]", self.optimizer.cooldown));
         }
         let FinishConfig { from, min_transmittance, min_weight, min_alpha, max_loss } = self.finish;
         positive("finish.max_loss", max_loss)?;
@@ -68,40 +70,66 @@ impl TrainConfig {
                 return Err(error(place, "a number in [0, 1]", value));
             }
         }
-        if !(1..=MAX_CANDIDATES).contains(&self.ray_candidates) {
-            return Err(error("ray_candidates", &format!("1 to {MAX_CANDIDATES}"), self.ray_candidates));
+        let candidates = self.sampling.ray_candidates;
+        if !(1..=MAX_CANDIDATES).contains(&candidates) {
+            return Err(error("sampling.ray_candidates", &format!("1 to {MAX_CANDIDATES}"), candidates));
         }
-        if let Some([near, far]) = self.near_far
-            && !(near >= 0.0 && near < far && far.is_finite())
-        {
-            return Err(error("near_far", "two numbers with 0 <= near < far", format!("{near} and {far}")));
-        }
-        if let Some(shell) = self.shell
-            && !(shell > 0.0 && shell <= 1.0)
-        {
-            return Err(error("shell", "a number more than 0, at most 1", shell));
-        }
-        if let Some([min, max]) = self.inner_box
-            && !(Aabb { min, max }).is_solid()
-        {
-            return Err(error("inner_box", "a finite box of positive size", format!("{min} to {max}")));
-        }
-        if !self.background.iter().all(|c| (0.0..=1.0).contains(c)) {
-            return Err(error("background", "three numbers in [0, 1]", format!("{:?}", self.background)));
-        }
-        let sky_degree = self.sky_degree.unwrap_or(0);
-        if sky_degree > Sky::MAX_DEGREE {
-            return Err(error("sky_degree", &format!("0 to {}", Sky::MAX_DEGREE), sky_degree));
-        }
-        if sky_degree > 0 && self.random_background {
-            let expected = "0 if `random_background` is on, as a sky has one color in a direction";
-            return Err(error("sky_degree", expected, sky_degree));
-        }
+        self.check_model()?;
+        self.space.check()?;
+        self.photographs.check()?;
         self.bootstrap.check()?;
         if self.scales.is_empty() {
             return Err(error("scales", "a list of at least one scale", "empty"));
         }
-        self.scales.iter().enumerate().try_for_each(|(i, scale)| scale.check(i, self.upsample_at.len()))
+        self.scales.iter().enumerate().try_for_each(|(i, scale)| scale.check(i, self.schedule.upsample_at.len()))
+    }
+
+    /// Checks the rules of the field.
+    fn check_model(&self) -> Result<(), ConfigError> {
+        let bounds = self.model.contraction.map_or(Aabb { min: DVec3::ZERO, max: DVec3::ONE }, |c| c.bounds());
+        if self.model.sky.is_some() {
+            return Err(error("model.sky", "absent, as `photographs.sky_degree` sets the sky", "a sky"));
+        }
+        self.model.check(&bounds).map_err(|broken| {
+            let field = broken.place.trim_start_matches("rules ").replace("'s ", ".");
+            error(&format!("model.{field}"), &broken.expected, broken.found)
+        })
+    }
+}
+
+impl SpaceConfig {
+    /// Checks that all values are in range.
+    fn check(&self) -> Result<(), ConfigError> {
+        if let Some([near, far]) = self.near_far
+            && !(near >= 0.0 && near < far && far.is_finite())
+        {
+            return Err(error("space.near_far", "two numbers with 0 <= near < far", format!("{near} and {far}")));
+        }
+        if let Some([min, max]) = self.inner_box
+            && !(Aabb { min, max }).is_solid()
+        {
+            return Err(error("space.inner_box", "a finite box of positive size", format!("{min} to {max}")));
+        }
+        Ok(())
+    }
+}
+
+impl PhotographConfig {
+    /// Checks that all values are in range.
+    fn check(&self) -> Result<(), ConfigError> {
+        if !self.background.iter().all(|c| (0.0..=1.0).contains(c)) {
+            let found = format!("{:?}", self.background);
+            return Err(error("photographs.background", "three numbers in [0, 1]", found));
+        }
+        let sky_degree = self.sky_degree.unwrap_or(0);
+        if sky_degree > Sky::MAX_DEGREE {
+            return Err(error("photographs.sky_degree", &format!("0 to {}", Sky::MAX_DEGREE), sky_degree));
+        }
+        if sky_degree > 0 && self.random_background {
+            let expected = "0 if `photographs.random_background` is on, as a sky has one color in a direction";
+            return Err(error("photographs.sky_degree", expected, sky_degree));
+        }
+        Ok(())
     }
 }
 
@@ -121,7 +149,7 @@ impl ScaleConfig {
         positive(&place("density_rank"), f64::from(self.density_rank))?;
         positive(&place("appearance_rank"), f64::from(self.appearance_rank))?;
         if self.resolutions.len() != upsamplings + 1 {
-            let expected = format!("a list of {}, one more than `upsample_at` has", upsamplings + 1);
+            let expected = format!("a list of {}, one more than `schedule.upsample_at` has", upsamplings + 1);
             return Err(error(&place("resolutions"), &expected, self.resolutions.len()));
         }
         if self.resolutions.iter().flatten().any(|&d| d == 0) {

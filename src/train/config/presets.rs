@@ -1,14 +1,19 @@
 //! The presets.
 
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+use super::near_names::near_names;
+use super::sections::paper_rules;
 use super::{
-    BootstrapOptions, ConfigError, DecoderConfig, FieldConfig, FinishConfig, LeanConfig, ScaleConfig, TrainConfig,
+    BootstrapOptions, ConfigError, DecoderConfig, FinishConfig, LeanConfig, LossConfig, OptimizerConfig,
+    PhotographConfig, PoseConfig, SamplingConfig, ScaleConfig, ScheduleConfig, SpaceConfig, TrainConfig,
 };
-use crate::Exposure;
-use strivec_capture::prior::{CANONICAL_HALF_EXTENT, CoarseOptions};
+use strivec_capture::prior::CoarseOptions;
+use strivec_format::geometry::Contraction;
 use strivec_format::model::{DecoderMode, FactorKind, Reduction};
 
-/// Steps that the presets' schedules are written for (paper, Implementation).
-const PRESET_STEPS: u64 = 30_000;
 /// Steps of the best quality. 4000 more gain 0.01 dB (docs/experiments/2026-11-28-whole-schedule.md).
 const BEST_STEPS: u64 = 39_000;
 /// Rays per step of the best quality. Half of the paper's rays per step gain 0.2 to 0.3 dB from as many rays
@@ -48,124 +53,171 @@ const EARLIEST_FINISH: u64 = 1000;
 /// Half the largest extent of a scan in model units: about the extent of a room in meters.
 const SCAN_HALF_EXTENT: f64 = 4.8;
 
+/// A preset of model and schedule.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "&'static str", try_from = "String")]
+pub enum Preset {
+    /// The paper's model with 12 appearance components.
+    Paper12,
+    /// The paper's model with 24 appearance components.
+    Paper24,
+    /// The paper's main model, with 48 appearance components.
+    Paper48,
+    /// The paper's model with 96 appearance components.
+    Paper96,
+    /// Two scales and two neighbors per scale.
+    Fast,
+    /// 48 appearance components and a decoder per ray.
+    PerRay,
+    /// The best quality; the preset of settings that name none.
+    #[default]
+    Best,
+    /// The best quality for small photographs, in about a minute.
+    Preview,
+    /// Four scales for rooms.
+    Scannet,
+    /// Two scales in contracted space.
+    Unbounded,
+}
+
+impl Preset {
+    /// Every preset.
+    pub const ALL: [Self; 10] = [
+        Self::Paper12,
+        Self::Paper24,
+        Self::Paper48,
+        Self::Paper96,
+        Self::Fast,
+        Self::PerRay,
+        Self::Best,
+        Self::Preview,
+        Self::Scannet,
+        Self::Unbounded,
+    ];
+
+    /// The name in settings and in scenes.
+    pub fn name(self) -> &'static str {
+        self.description()[0]
+    }
+
+    /// What the preset is for, in one line.
+    pub fn purpose(self) -> &'static str {
+        self.description()[1]
+    }
+
+    /// The name and the purpose.
+    fn description(self) -> [&'static str; 2] {
+        match self {
+            Self::Paper12 => ["12", "the paper's model with 12 appearance components"],
+            Self::Paper24 => ["24", "the paper's model with 24 appearance components"],
+            Self::Paper48 => ["48", "the paper's main model, with 48 appearance components"],
+            Self::Paper96 => ["96", "the paper's model with 96 appearance components"],
+            Self::Fast => ["fast", "two scales, two neighbors per scale, for quick tries"],
+            Self::PerRay => ["per-ray", "48 with the network evaluated once per ray instead of once per sample"],
+            Self::Best => ["best", "per-ray with a color per sample and more view-dependent detail: the best pictures"],
+            Self::Preview => {
+                ["preview", "a first look in about a minute, from photographs of at most 256 pixels a side"]
+            }
+            Self::Scannet => ["scannet", "four scales, 100 000 steps, for rooms"],
+            Self::Unbounded => ["360", "two scales in contracted space, 120 000 steps, for captures without an edge"],
+        }
+    }
+
+    /// The settings.
+    pub fn config(self) -> TrainConfig {
+        let config = match self {
+            Self::Paper12 => paper(12),
+            Self::Paper24 => paper(24),
+            Self::Paper48 => paper(48),
+            Self::Paper96 => paper(96),
+            Self::Fast => fast(),
+            Self::PerRay => per_ray(),
+            Self::Best => best(),
+            Self::Preview => preview(),
+            Self::Scannet => scannet(),
+            Self::Unbounded => unbounded(),
+        };
+        TrainConfig { preset: self, ..config }
+    }
+}
+
+impl FromStr for Preset {
+    type Err = ConfigError;
+
+    /// # Errors
+    ///
+    /// [`ConfigError::UnknownPreset`].
+    fn from_str(name: &str) -> Result<Self, ConfigError> {
+        Self::ALL.into_iter().find(|preset| preset.name() == name).ok_or_else(|| {
+            let names = Self::ALL.map(Self::name);
+            let near =
+                near_names(name, names).first().map_or_else(String::new, |near| format!("; did you mean {near}?"));
+            ConfigError::UnknownPreset { name: name.into(), near, known: names.join(", ") }
+        })
+    }
+}
+
+impl TryFrom<String> for Preset {
+    type Error = ConfigError;
+
+    fn try_from(name: String) -> Result<Self, ConfigError> {
+        name.parse()
+    }
+}
+
+impl From<Preset> for &'static str {
+    fn from(preset: Preset) -> Self {
+        preset.name()
+    }
+}
+
 impl Default for TrainConfig {
-    /// The preset [`TrainConfig::DEFAULT_PRESET`].
+    /// The settings of the preset [`Preset::default`].
     fn default() -> Self {
-        best()
+        Preset::default().config()
     }
 }
 
 impl TrainConfig {
-    /// The presets' names.
-    pub const PRESETS: [&str; 10] = ["12", "24", "48", "96", "fast", "per-ray", "best", "preview", "scannet", "360"];
-    /// The preset of settings that name none.
-    pub const DEFAULT_PRESET: &str = "best";
-
-    /// The preset `name`.
+    /// The settings of the preset `name`.
     ///
     /// # Errors
     ///
     /// [`ConfigError::UnknownPreset`].
     pub fn preset(name: &str) -> Result<Self, ConfigError> {
-        let mut preset = match name {
-            "12" | "24" | "48" | "96" => paper(name.parse().expect("a number")),
-            "best" => best(),
-            "preview" => preview(),
-            "per-ray" => {
-                let mut preset = paper(48);
-                preset.decoder.mode = DecoderMode::PerRay;
-                preset.refilter_rays = false;
-                preset.color_roulette = 0.002;
-                preset
-            }
-            "fast" => {
-                let mut preset = paper(48);
-                preset.refilter_rays = false;
-                preset.scales.truncate(2);
-                preset.scales.iter_mut().for_each(|s| s.top_k = 2);
-                preset
-            }
-            "scannet" => {
-                let mut preset = paper(48).with_steps(SCAN_STEPS);
-                preset.half_extent = SCAN_HALF_EXTENT;
-                preset.field.density_reduction = Reduction::Mean;
-                preset.scales = scan_scales();
-                preset
-            }
-            "360" => {
-                let mut preset = best().with_steps(SURROUNDINGS_STEPS);
-                preset.batch_rays = 4096;
-                (preset.learning_rate_decay, preset.cooldown, preset.factor_decay) = (DECAY, 0.0, 0.0);
-                preset.shell = Some(SURROUNDINGS_SHELL);
-                preset.factor_learning_rate = 0.03;
-                preset.density_l1 = 1e-4;
-                preset.scales = surroundings_scales();
-                preset.field.step_cells = FieldConfig::default().step_cells;
-                preset
-            }
-            _ => return Err(ConfigError::UnknownPreset { name: name.into(), known: Self::PRESETS.join(", ") }),
-        };
-        preset.preset = name.into();
-        Ok(preset)
+        name.parse().map(Preset::config)
     }
 
     /// This run in `steps` steps. The schedule is scaled along, but no occupancy is estimated before step 300, as
     /// hardly any density has grown by then, and no march of the end begins before step 1000.
-    pub fn with_steps(self, steps: u64) -> Self {
-        let scaled = |at: &u64| (*at as f64 * steps as f64 / self.steps as f64).round().max(1.0) as u64;
-        let mut occupancy_at: Vec<u64> =
-            self.occupancy_at.iter().map(|at| scaled(at).max(EARLIEST_OCCUPANCY.min(*at))).collect();
-        occupancy_at.dedup();
-        let from = self.finish.from.max(EARLIEST_FINISH as f64 / steps as f64).min(1.0);
-        let finish = FinishConfig { from, ..self.finish.clone() };
-        Self { upsample_at: self.upsample_at.iter().map(scaled).collect(), occupancy_at, finish, steps, ..self }
+    pub fn with_steps(mut self, steps: u64) -> Self {
+        let before = self.schedule.steps as f64;
+        let scaled = |at: u64| (at as f64 * steps as f64 / before).round().max(1.0) as u64;
+        let schedule = &mut self.schedule;
+        schedule.steps = steps;
+        schedule.upsample_at.iter_mut().for_each(|at| *at = scaled(*at));
+        schedule.occupancy_at.iter_mut().for_each(|at| *at = scaled(*at).max(EARLIEST_OCCUPANCY.min(*at)));
+        schedule.occupancy_at.dedup();
+        self.finish.from = self.finish.from.max(EARLIEST_FINISH as f64 / steps as f64).min(1.0);
+        self
     }
 }
 
 /// The paper's model with this many appearance components (paper, Implementation).
 fn paper(appearance_rank: u32) -> TrainConfig {
     TrainConfig {
-        preset: appearance_rank.to_string(),
+        preset: Preset::Paper48,
         seed: 0,
-        steps: PRESET_STEPS,
-        batch_rays: 4096,
-        // Four candidates for a ray are no better than two (docs/experiments/2026-11-26-rays-by-error.md).
-        ray_candidates: 2,
-        max_photograph_side: None,
-        max_file_bytes: None,
-        background: [1.0; 3],
-        random_background: false,
-        sky_degree: None,
-        exposure: Exposure::Auto,
-        refine_poses: false,
-        refine_focal_length: false,
-        refilter_rays: true,
-        prune: false,
-        near_far: None,
-        factor_learning_rate: 0.02,
-        network_learning_rate: 0.001,
-        sky_learning_rate: 0.02,
-        learning_rate_decay: DECAY,
-        cooldown: 0.0,
-        factor_decay: 0.0,
-        density_l1: 1e-5,
-        density_variation: 0.0,
-        appearance_variation: 0.0,
-        // Ten times as much loses 0.5 dB on held-out photographs (docs/experiments/2026-11-25-regularizing.md).
-        distance_weight: 0.01,
-        // 27 % fewer shaded samples without a measurable loss (docs/experiments/2026-11-21-step-optimizations.md).
-        color_roulette: 0.001,
-        // Density gradients take a fifth of their time (docs/experiments/2026-11-21-step-optimizations.md).
-        density_roulette: 1.0,
+        schedule: ScheduleConfig::default(),
+        photographs: PhotographConfig::default(),
+        poses: PoseConfig::default(),
+        sampling: SamplingConfig::default(),
+        optimizer: OptimizerConfig::default(),
+        loss: LossConfig::default(),
         lean: LeanConfig::default(),
         finish: FinishConfig::default(),
-        factor_deviation: 0.2,
-        upsample_at: vec![2000, 3000, 4000, 5500, 7000],
-        occupancy_at: vec![2000, 4000, 8000, 16_000, 24_000],
-        shell: None,
-        inner_box: None,
-        half_extent: CANONICAL_HALF_EXTENT,
-        field: FieldConfig::default(),
+        space: SpaceConfig::default(),
+        model: paper_rules(),
         decoder: DecoderConfig::default(),
         prior: CoarseOptions::default(),
         bootstrap: BootstrapOptions::default(),
@@ -173,21 +225,61 @@ fn paper(appearance_rank: u32) -> TrainConfig {
     }
 }
 
+/// Fewer scales and neighbors.
+fn fast() -> TrainConfig {
+    let mut preset = paper(48);
+    preset.sampling.refilter_rays = false;
+    preset.scales.truncate(2);
+    preset.scales.iter_mut().for_each(|scale| scale.top_k = 2);
+    preset
+}
+
+/// A decoder per ray.
+fn per_ray() -> TrainConfig {
+    let mut preset = paper(48);
+    preset.decoder.mode = DecoderMode::PerRay;
+    preset.sampling.refilter_rays = false;
+    preset.sampling.color_roulette = 0.002;
+    preset
+}
+
+/// Rooms (paper, The ScanNet dataset).
+fn scannet() -> TrainConfig {
+    let mut preset = paper(48).with_steps(SCAN_STEPS);
+    preset.space.half_extent = SCAN_HALF_EXTENT;
+    preset.model.density_reduction = Reduction::Mean;
+    preset.scales = scan_scales();
+    preset
+}
+
+/// Captures without an edge (the paper's runs on Mip-NeRF 360).
+fn unbounded() -> TrainConfig {
+    let mut preset = best().with_steps(SURROUNDINGS_STEPS);
+    preset.sampling.batch_rays = 4096;
+    let optimizer = &mut preset.optimizer;
+    (optimizer.learning_rate_decay, optimizer.cooldown, optimizer.factor_decay) = (DECAY, 0.0, 0.0);
+    optimizer.factor_learning_rate = 0.03;
+    preset.loss.density_l1 = 1e-4;
+    preset.model.contraction = Some(Contraction { shell: SURROUNDINGS_SHELL });
+    preset.model.step = paper_rules().step;
+    preset.scales = surroundings_scales();
+    preset
+}
+
 /// The best quality: the paper's model of 48 components with a decoder per ray and a residual per sample.
 fn best() -> TrainConfig {
     let mut preset = paper(48);
-    preset.preset = "best".into();
     // A color for each sample beside the ray's: 0.25 dB more than one color per ray at a quarter of the resolution
     // (docs/experiments/2026-11-21-training-settings.md).
     preset.decoder.mode = DecoderMode::Residual;
     // Highlights come and go within a few degrees: with six frequencies the views against the sun gain 3 dB
     // (docs/experiments/2026-11-21-training-settings.md). A wider network never cleared the fog of the first steps.
     preset.decoder.direction_frequencies = 6;
-    preset.color_roulette = 0.002;
-    preset.batch_rays = BEST_BATCH;
-    (preset.learning_rate_decay, preset.cooldown) = (BEST_DECAY, BEST_COOLDOWN);
+    preset.sampling.color_roulette = 0.002;
+    preset.sampling.batch_rays = BEST_BATCH;
+    (preset.optimizer.learning_rate_decay, preset.optimizer.cooldown) = (BEST_DECAY, BEST_COOLDOWN);
     preset.lean.max_loss = BEST_MAX_LOSS;
-    preset.factor_decay = BEST_FACTOR_DECAY;
+    preset.optimizer.factor_decay = BEST_FACTOR_DECAY;
     // The first two scales have cells about as wide as a pixel of photographs of 800×800, which is best: 0.5 dB more
     // than the paper's, which are 1.4 pixels wide (docs/experiments/2026-11-26-tight-occupancy.md). Training gives up a
     // third of the third scale's anyway.
@@ -195,22 +287,22 @@ fn best() -> TrainConfig {
     for (scale, cells) in preset.scales.iter_mut().zip(finer) {
         scale.resolutions = cells.map(|d| [d; 3]).to_vec();
     }
-    preset.field.step_cells = FINE_STEP_CELLS;
+    preset.model.step = FINE_STEP_CELLS;
     preset.with_steps(BEST_STEPS)
 }
 
 /// The best quality for small photographs, whose pixels are as large as the tensors' cells, in the steps of about a minute.
 fn preview() -> TrainConfig {
     let mut preset = best();
-    preset.steps = PREVIEW_STEPS;
-    preset.batch_rays = 1024;
-    preset.factor_decay = PREVIEW_FACTOR_DECAY;
-    (preset.learning_rate_decay, preset.cooldown) = (DECAY, PREVIEW_COOLDOWN);
-    preset.max_photograph_side = Some(PREVIEW_SIDE);
-    preset.upsample_at = vec![PREVIEW_STEPS / 15];
-    preset.occupancy_at = [0.13, 0.27, 0.53].map(|share| (share * PREVIEW_STEPS as f64) as u64).to_vec();
+    preset.schedule.steps = PREVIEW_STEPS;
+    preset.sampling.batch_rays = 1024;
+    preset.optimizer.factor_decay = PREVIEW_FACTOR_DECAY;
+    (preset.optimizer.learning_rate_decay, preset.optimizer.cooldown) = (DECAY, PREVIEW_COOLDOWN);
+    preset.photographs.max_side = Some(PREVIEW_SIDE);
+    preset.schedule.upsample_at = vec![PREVIEW_STEPS / 15];
+    preset.schedule.occupancy_at = [0.13, 0.27, 0.53].map(|share| (share * PREVIEW_STEPS as f64) as u64).to_vec();
     preset.prior.min_visibility_weight = 0.01;
-    preset.field.step_cells = FieldConfig::default().step_cells;
+    preset.model.step = paper_rules().step;
     // Most of the time goes into samples of fog: an early tight occupancy leaves time for more steps
     // (docs/experiments/2026-11-25-march-of-the-end.md).
     preset.finish =

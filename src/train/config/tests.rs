@@ -2,15 +2,14 @@
 
 use glam::{DVec3, UVec3};
 
-use super::{ScaleConfig, TrainConfig};
+use super::{Preset, ScaleConfig, TrainConfig};
 use strivec_capture::prior::{ScaleShape, VoxelBoxes, place_on_boxes};
 use strivec_format::geometry::Lattice;
 use strivec_format::model::{Coverage, DecoderMode, Form, Reduction};
 
 #[test]
 fn every_preset_survives_its_own_toml() {
-    for name in TrainConfig::PRESETS {
-        let preset = TrainConfig::preset(name).unwrap();
+    for preset in Preset::ALL.map(Preset::config) {
         preset.check().unwrap();
         assert_eq!(TrainConfig::from_toml(&preset.to_toml(), None).unwrap(), preset);
     }
@@ -18,8 +17,8 @@ fn every_preset_survives_its_own_toml() {
 
 #[test]
 fn a_file_that_names_a_preset_gets_its_scales() {
-    let config = TrainConfig::from_toml("preset = \"fast\"\nsteps = 100", None).unwrap();
-    assert_eq!((config.scales.len(), config.scales[0].top_k, config.steps), (2, 2, 100));
+    let config = TrainConfig::from_toml("preset = \"fast\"\nschedule.steps = 100", None).unwrap();
+    assert_eq!((config.scales.len(), config.scales[0].top_k, config.schedule.steps), (2, 2, 100));
     let mode = |text| TrainConfig::from_toml(text, None).unwrap().decoder.mode;
     assert_eq!(mode("preset = \"per-ray\"\n[decoder]\nfeatures = 9"), DecoderMode::PerRay);
     assert_eq!(mode("preset = \"48\"\n[decoder]\nfeatures = 9"), DecoderMode::PerSample);
@@ -34,13 +33,13 @@ fn a_file_that_names_a_preset_gets_its_scales() {
 fn unknown_fields_and_senseless_values_are_named() {
     let message = |text| TrainConfig::from_toml(text, None).unwrap_err().to_string();
     assert!(message("stepz = 3").contains("stepz"));
-    assert!(message("steps = 0").contains("steps"));
-    assert!(message("half_extent = 0.0").contains("half_extent"));
+    assert!(message("schedule.steps = 0").contains("schedule.steps"));
+    assert!(message("space.half_extent = 0.0").contains("half_extent"));
     assert!(message("preset = \"7\"").contains("12, 24"));
-    assert!(message("background = [2.0, 0.0, 0.0]").contains("background"));
-    assert!(message("sky_learning_rate = 0.0").contains("sky_learning_rate"));
-    assert!(message("sky_degree = 5").contains("0 to 4"));
-    assert!(message("sky_degree = 2\nrandom_background = true").contains("random_background"));
+    assert!(message("photographs.background = [2.0, 0.0, 0.0]").contains("background"));
+    assert!(message("optimizer.sky_learning_rate = 0.0").contains("sky_learning_rate"));
+    assert!(message("photographs.sky_degree = 5").contains("0 to 4"));
+    assert!(message("[photographs]\nsky_degree = 2\nrandom_background = true").contains("random_background"));
     assert!(message("[decoder]\nmode = \"residual\"\nfeatures = 2").contains("at least 3"));
     for mode in DecoderMode::ALL.map(DecoderMode::name) {
         assert!(message("[decoder]\nmode = \"each\"").contains(mode), "{mode}");
@@ -50,7 +49,7 @@ fn unknown_fields_and_senseless_values_are_named() {
 #[test]
 fn cells_of_the_scan_preset_are_as_fine_as_those_of_48() {
     let (scan, usual) = (TrainConfig::preset("scannet").unwrap(), TrainConfig::preset("48").unwrap());
-    assert_eq!((scan.steps, scan.upsample_at.len(), scan.scales.len()), (100_000, 5, 4));
+    assert_eq!((scan.schedule.steps, scan.schedule.upsample_at.len(), scan.scales.len()), (100_000, 5, 4));
     let finest = |config: &TrainConfig, upsampled: usize| {
         let scale = config.scales.last().unwrap();
         scale.edge[0] / f64::from(scale.resolutions[upsampled][0]) / scale.pitch[0]
@@ -67,16 +66,16 @@ fn cells_of_the_scan_preset_are_as_fine_as_those_of_48() {
 #[test]
 fn scaling_the_steps_scales_the_schedule() {
     let config = TrainConfig::preset("24").unwrap().with_steps(3000);
-    assert_eq!(config.upsample_at, [200, 300, 400, 550, 700]);
-    assert_eq!(config.occupancy_at, [300, 400, 800, 1600, 2400]);
+    assert_eq!(config.schedule.upsample_at, [200, 300, 400, 550, 700]);
+    assert_eq!(config.schedule.occupancy_at, [300, 400, 800, 1600, 2400]);
     assert_eq!(config.finish.from, 1000.0 / 3000.0);
     let short = TrainConfig::preset("scannet").unwrap().with_steps(1000);
-    assert_eq!((short.occupancy_at, short.finish.from), (vec![300, 533, 800], 1.0));
+    assert_eq!((short.schedule.occupancy_at, short.finish.from), (vec![300, 533, 800], 1.0));
 }
 
 #[test]
 fn settings_that_name_no_preset_are_those_of_the_default_preset() {
-    let preset = TrainConfig::preset(TrainConfig::DEFAULT_PRESET).unwrap();
+    let preset = Preset::default().config();
     assert_eq!(TrainConfig::default(), preset);
     assert_eq!(TrainConfig::from_toml("", None).unwrap(), preset);
     assert_ne!(TrainConfig::preset("48").unwrap(), preset);
@@ -84,11 +83,11 @@ fn settings_that_name_no_preset_are_those_of_the_default_preset() {
 
 #[test]
 fn rules_are_named_as_the_model_names_them() {
-    let text = "[field]\ncoverage = \"any\"\naggregation = \"clamped\"\ndensity_reduction = \"mean\"";
-    let field = TrainConfig::from_toml(text, None).unwrap().field;
+    let text = "[model]\ncoverage = \"any\"\naggregation = \"clamped\"\ndensity_reduction = \"mean\"";
+    let field = TrainConfig::from_toml(text, None).unwrap().model;
     assert_eq!((field.coverage, field.density_reduction), (Coverage::Any, Reduction::Mean));
-    assert_eq!(field.appearance_reduction, Reduction::Sum);
-    let error = TrainConfig::from_toml("[field]\ncoverage = \"some\"", None).unwrap_err().to_string();
+    assert_eq!((field.appearance_reduction, field.density_shift), (Reduction::Sum, -10.0));
+    let error = TrainConfig::from_toml("[model]\ncoverage = \"some\"", None).unwrap_err().to_string();
     assert!(error.contains("all") && error.contains("any"), "{error}");
 }
 
@@ -128,4 +127,64 @@ fn a_tensor_over_the_whole_scene_has_its_box_and_as_many_cells_as_a_cube() {
     let ranks = |name: &str| of_document(name).scales[0].forms();
     assert_eq!(ranks("tensorf-vm")[1], [(Form::Vm(0), 48), (Form::Vm(1), 48), (Form::Vm(2), 48)]);
     assert_eq!(ranks("tensorf-cp")[1], [(Form::Cp, 288)]);
+}
+
+#[test]
+fn every_setting_can_be_set_and_survives_its_own_toml() {
+    let complete = super::toml::complete();
+    let text = complete.to_toml();
+    assert_eq!(TrainConfig::from_toml(&text, None).unwrap(), complete);
+}
+
+#[test]
+fn assignments_override_the_text_and_the_preset() {
+    let set = |assignments: &[&str]| {
+        let assignments: Vec<String> = assignments.iter().map(ToString::to_string).collect();
+        TrainConfig::from_toml("[lean]\nmax_loss = 0.5", Some("48")).unwrap().with_assignments(&assignments)
+    };
+    let config =
+        set(&["lean.max_loss=0.25", "scales.0.top_k = 1", "photographs.exposure=off", "model.step=1"]).unwrap();
+    assert_eq!((config.lean.max_loss, config.scales[0].top_k, config.scales[1].top_k), (0.25, 1, 4));
+    assert_eq!((config.photographs.exposure, config.model.step), (crate::Exposure::Off, 1.0));
+    assert_eq!(set(&["model.contraction.shell=0.3"]).unwrap().model.contraction.map(|c| c.shell), Some(0.3));
+    let message = |assignment: &str| set(&[assignment]).unwrap_err().to_string();
+    for (assignment, parts) in [
+        ("lean.max_los=1", &["`lean.max_los`", "`lean.max_loss`"][..]),
+        ("lean.max_loss=-1", &["`lean.max_loss`", "at least 0", "-1"]),
+        ("lean.max_loss=much", &["lean.max_loss", "\"much\""]),
+        ("lean.max_loss", &["KEY=VALUE"]),
+        ("scales.7.top_k=1", &["scales"]),
+        ("scales.0.rank=1", &["`scales.0.rank`"]),
+        ("model.min_weight=1", &["`model.min_weight`", "[0, 1)"]),
+        ("model.sky=1", &["`photographs.sky_degree`"]),
+        ("preset=fast", &["`preset`"]),
+    ] {
+        let message = message(assignment);
+        assert!(parts.iter().all(|part| message.contains(part)), "{assignment}: {message}");
+    }
+}
+
+#[test]
+fn keys_that_moved_are_refused_with_their_new_names() {
+    let message = |text: &str| TrainConfig::from_toml(text, None).unwrap_err().to_string();
+    for (text, now) in [
+        ("steps = 3", "`schedule.steps`"),
+        ("batch_rays = 3", "`sampling.batch_rays`"),
+        ("refine_poses = true", "`poses.refine`"),
+        ("max_photograph_side = 9", "`photographs.max_side`"),
+        ("shell = 0.4", "`model.contraction.shell`"),
+        ("background = [0.0, 0.0, 0.0]", "`photographs.background`"),
+        ("[field]\ncoverage = \"any\"", "`model`"),
+        ("[model]\nstep_cells = 0.5", "`model.step`"),
+    ] {
+        assert!(message(text).contains(now), "{text}: {}", message(text));
+    }
+}
+
+#[test]
+fn unknown_presets_are_refused_with_near_names() {
+    let message = "bst".parse::<Preset>().unwrap_err().to_string();
+    assert!(message.contains("did you mean best?") && message.contains("360"), "{message}");
+    let names = Preset::ALL.map(|preset| (preset.name(), preset.name().parse::<Preset>().unwrap()));
+    assert!(Preset::ALL.iter().zip(names).all(|(preset, (_, parsed))| *preset == parsed), "{names:?}");
 }

@@ -61,7 +61,7 @@ pub fn begin_for_size(
 ///
 /// If the scene cannot be encoded.
 pub fn steer_to_size(trainer: &mut Trainer<'_>) -> Result<(), Error> {
-    let (step, steps) = (trainer.steps_done(), trainer.config().steps);
+    let (step, steps) = (trainer.steps_done(), trainer.config().schedule.steps);
     let Some(&Rounding { start, goal, .. }) = trainer.rounding() else { return Ok(()) };
     if !step.is_multiple_of((steps / CORRECTIONS).max(1)) || step == steps {
         return Ok(());

@@ -27,7 +27,7 @@ pub struct Budget {
     /// The most trained parameters.
     pub parameters: Option<u64>,
     /// The most bytes of the file: as [`super::Plan::file_bytes`] estimates it if training keeps all components, else
-    /// [`TrainConfig::max_file_bytes`].
+    /// [`ScheduleConfig::max_file_bytes`](crate::ScheduleConfig::max_file_bytes).
     pub file_bytes: Option<u64>,
 }
 
@@ -92,7 +92,7 @@ fn given_up_to(config: &TrainConfig, size: &Size, budget: Budget) -> Result<(Tra
     let most = budget.parameters.into_iter().chain(in_bytes).min().unwrap_or(u64::MAX);
     let start = Budget { parameters: Some(most.saturating_mul(START)), file_bytes: None };
     let (mut config, reasons) = reduced_to(config, size, start)?;
-    config.max_file_bytes = budget.file_bytes;
+    config.schedule.max_file_bytes = budget.file_bytes;
     config.lean.max_parameters = Some(config.lean.max_parameters.map_or(most, |already| already.min(most)));
     Ok((config, reasons))
 }

@@ -20,7 +20,7 @@ const FILE_BYTES: f64 = 50_000.0;
 
 /// Bytes of the file of `scales` and `shared` parameters of network and sky; within 2 % of the measured files.
 pub(super) fn file_bytes(config: &TrainConfig, scales: &[ScalePlan], shared: u64) -> u64 {
-    let sparse = (config.steps as f64 / SPARSE_STEPS).min(1.0).powf(1.5);
+    let sparse = (config.schedule.steps as f64 / SPARSE_STEPS).min(1.0).powf(1.5);
     let density_bytes = RANDOM_BYTES + sparse * (SPARSE_BYTES - RANDOM_BYTES);
     let of_scale = |s: &ScalePlan| {
         let [density, appearance] = [s.density_rank, s.appearance_rank].map(f64::from);
@@ -120,18 +120,19 @@ const COVERED: f64 = 0.85;
 
 /// Minutes of all steps of `config` with `scales` on `machine`.
 pub(super) fn minutes(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpeed) -> f64 {
-    let first_occupancy = config.occupancy_at.first().map_or(config.steps, |&at| at.min(config.steps));
-    let later = if config.refilter_rays { 1.0 } else { MEETING };
+    let first_occupancy =
+        config.schedule.occupancy_at.first().map_or(config.schedule.steps, |&at| at.min(config.schedule.steps));
+    let later = if config.sampling.refilter_rays { 1.0 } else { MEETING };
     let seconds = first_occupancy as f64 * step_seconds(config, scales, machine, 1.0)
-        + (config.steps - first_occupancy) as f64 * step_seconds(config, scales, machine, later);
+        + (config.schedule.steps - first_occupancy) as f64 * step_seconds(config, scales, machine, later);
     seconds / 60.0
 }
 
 /// Seconds of a step in which the share `meeting` of the rays meets an occupied cell.
 fn step_seconds(config: &TrainConfig, scales: &[ScalePlan], machine: &MachineSpeed, meeting: f64) -> f64 {
-    let rays = config.batch_rays as f64;
-    let samples = rays * meeting * SAMPLES * (0.5 / config.field.step_cells).sqrt();
-    let shaded = rays * meeting * SHADED * shaded_share(config.color_roulette);
+    let rays = config.sampling.batch_rays as f64;
+    let samples = rays * meeting * SAMPLES * (0.5 / config.model.step).sqrt();
+    let shaded = rays * meeting * SHADED * shaded_share(config.sampling.color_roulette);
     let [mut density, mut appearance, mut components] = [0.0; 3];
     for (scale, settings) in scales.iter().zip(&config.scales) {
         let covering: f64 = [0, 1, 2].map(|a| settings.edge[a] / settings.pitch[a]).iter().product();

@@ -31,7 +31,7 @@ impl Footprints {
     /// smallest sphere around the cell may be in its picture, between near and far. Occlusion is ignored, as the prior
     /// is only approximate.
     pub(super) fn of(config: &TrainConfig, cameras: &[Camera], occupied: &VoxelBoxes) -> Self {
-        let [near, far] = config.near_far.unwrap_or_else(|| prior::ray_range(cameras, None));
+        let [near, far] = config.space.near_far.unwrap_or_else(|| prior::ray_range(cameras, None));
         let radius = 0.5 * occupied.lattice.pitch.length();
         let unbounded = config.unbounded();
         let frusta: Vec<_> = cameras.iter().map(Frustum::new).collect();

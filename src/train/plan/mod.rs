@@ -189,9 +189,9 @@ fn ending_in(resolutions: &[[u32; 3]], end: [u32; 3]) -> Vec<[u32; 3]> {
 
 /// Removes upsamplings that change no scale: each would only restart the optimizer.
 fn without_idle_upsamplings(config: &mut TrainConfig) {
-    for stage in (1..=config.upsample_at.len()).rev() {
+    for stage in (1..=config.schedule.upsample_at.len()).rev() {
         if config.scales.iter().all(|s| s.resolutions[stage] == s.resolutions[stage - 1]) {
-            config.upsample_at.remove(stage - 1);
+            config.schedule.upsample_at.remove(stage - 1);
             config.scales.iter_mut().for_each(|s| _ = s.resolutions.remove(stage));
         }
     }

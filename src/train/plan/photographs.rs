@@ -51,7 +51,7 @@ pub fn fit_to_photographs(
     let bounds = seen.bounds();
     let map = config.model_from_prior(&bounds)?;
     let half = 0.5 * bounds.size().max_element() * map.scale;
-    let stretch = (half / config.half_extent * EXTENT_DIGITS).round() / EXTENT_DIGITS;
+    let stretch = (half / config.space.half_extent * EXTENT_DIGITS).round() / EXTENT_DIGITS;
     let mut config = config.clone();
     for scale in &mut config.scales {
         scale.pitch = scale.pitch.map(|v| v * stretch);
@@ -84,13 +84,13 @@ pub fn fit_to_photographs(
     ));
     leave_out_fine_scales(&mut config, cell, &mut reasons);
     limit_ranks(&mut config, &mut reasons);
-    let steps = config.upsample_at.len();
+    let steps = config.schedule.upsample_at.len();
     without_idle_upsamplings(&mut config);
     let ends: Vec<_> = config.scales.iter().map(|s| cells_of(last(s))).collect();
     reasons.push(format!(
         "{} cells per tensor, after {} of {steps} upsamplings; the others would change nothing",
         listed(&ends),
-        config.upsample_at.len()
+        config.schedule.upsample_at.len()
     ));
     config.check()?;
     Ok((config, seen, reasons))

@@ -44,7 +44,7 @@ fn the_unit_and_place_of_a_scene_do_not_matter() {
             fit_to_photographs(&preset(), &cameras(unit, aside, 200), &shell(unit, aside)).unwrap();
         let plan = planned(&config, &seen);
         let tensors: Vec<_> = plan.scales.iter().map(|s| (s.tensors, s.resolution, s.density_rank)).collect();
-        (tensors, seen.cells, config.upsample_at, reasons.len())
+        (tensors, seen.cells, config.schedule.upsample_at, reasons.len())
     };
     let here = fitted(1.0, DVec3::ZERO);
     assert_eq!(here.0.len(), 3);
@@ -72,7 +72,7 @@ fn cells_are_as_fine_as_pixels_and_no_finer() {
     let fit = |size| fit_to_photographs(&preset(), &cameras(1.0, DVec3::ZERO, size), &shell(1.0, DVec3::ZERO)).unwrap();
     let (config, _, reasons) = fit(64);
     assert_eq!(config.scales.len(), 2, "{reasons:?}");
-    assert!(config.upsample_at.is_empty() && config.scales[0].resolutions.len() == 1);
+    assert!(config.schedule.upsample_at.is_empty() && config.scales[0].resolutions.len() == 1);
     assert!(config.scales[1].density_rank < 24, "{reasons:?}");
     assert!(reasons.iter().any(|r| r.starts_with("scale 2 left out")), "{reasons:?}");
     let (config, _, reasons) = fit(8000);
@@ -104,13 +104,15 @@ fn a_cell_at_a_picture_s_edge_counts_as_seen() {
     // The picture is 4 wide where the cells are; cells of 0.2 have a sphere of radius 0.17.
     let lattice = Lattice { origin: DVec3::splat(-0.1), pitch: DVec3::splat(0.2) };
     let cells = vec![UVec3::ZERO, UVec3::new(10, 0, 0), UVec3::new(11, 0, 0), UVec3::new(20, 0, 0)];
-    let config = TrainConfig { near_far: Some([1.0, 10.0]), ..preset() };
+    let mut config = preset();
+    config.space.near_far = Some([1.0, 10.0]);
     let of = |config: &TrainConfig| {
         let footprints = Footprints::of(config, &[camera], &VoxelBoxes { lattice, cells: cells.clone() });
         [0, 1, 2, 3].map(|n| footprints.is_seen(n))
     };
     assert_eq!(of(&config), [true, true, false, false]);
-    assert_eq!(of(&TrainConfig { near_far: Some([5.0, 10.0]), ..config }), [false; 4]);
+    config.space.near_far = Some([5.0, 10.0]);
+    assert_eq!(of(&config), [false; 4]);
     let one = VoxelBoxes { lattice, cells: vec![UVec3::ZERO] };
     let pixel = Footprints::of(&preset(), &[camera], &one).near_pixel().unwrap();
     assert!((pixel - 0.04).abs() < 1e-12, "{pixel}");
@@ -178,7 +180,7 @@ fn the_schedule_keeps_its_proportions() {
     config.scales.iter_mut().for_each(|s| s.resolutions = ending_in(&s.resolutions, [7; 3]));
     without_idle_upsamplings(&mut config);
     config.check().unwrap();
-    assert!(config.upsample_at.is_empty());
+    assert!(config.schedule.upsample_at.is_empty());
 }
 
 /// The estimates against the measured bytes and minutes of runs on lego (`docs/experiments/`).
@@ -188,7 +190,9 @@ fn estimates_are_near_measurements() {
         let config = TrainConfig::preset(preset).unwrap().with_steps(30_000);
         // The presets of three scales had the paper's when they were measured.
         let scales = TrainConfig::preset(if preset == "24" { "24" } else { "48" }).unwrap().scales;
-        let config = TrainConfig { refilter_rays, batch_rays: 4096, scales, ..config };
+        let mut config = TrainConfig { scales, ..config };
+        config.sampling.refilter_rays = refilter_rays;
+        config.sampling.batch_rays = 4096;
         let scales = scale_plans(&config, &[92, 518, 3128]);
         let decoder = initial_decoder(&config).parameter_count();
         let file = cost::file_bytes(&config, &scales, decoder) as f64 / (bytes * 1e6);

@@ -18,7 +18,7 @@ pub(super) fn find_distances(
     dataset: &mut Dataset,
     observer: &mut dyn Observer,
 ) -> Result<(), Error> {
-    if config.distance_weight > 0.0 && is_opaque(dataset) {
+    if config.loss.distance_weight > 0.0 && is_opaque(dataset) {
         find_points(config, dataset, observer)?;
     }
     Ok(())
@@ -42,10 +42,10 @@ pub(super) fn find_points(
         observer.message(&format_args!("distances: those of {}", plural(with_depth, "depth map")));
         return Ok(Vec::new());
     }
-    let points = prior::match_points(&mut dataset.views, config.shell.is_some());
+    let points = prior::match_points(&mut dataset.views, config.model.contraction.is_some());
     let (count, seconds) = (plural(points.len(), "point"), start.elapsed().as_secs_f64());
     observer.message(&format_args!("matching: {count} on the surfaces of the photographs in {seconds:.1} s"));
-    if let Some(file) = dataset.points.as_deref().filter(|_| config.distance_weight > 0.0) {
+    if let Some(file) = dataset.points.as_deref().filter(|_| config.loss.distance_weight > 0.0) {
         let share = prior::mesh_distances(file, &mut dataset.views).map_err(prior::BuildError::from)?;
         let told = match share {
             Some(share) => format!("of {:.1} % more of the pixels, by the dataset's mesh", 100.0 * share),

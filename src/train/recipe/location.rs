@@ -25,7 +25,7 @@ pub(super) fn locate(
         prior::locate(dataset.points.as_deref(), dataset.bounds, &cameras, || is_opaque)?;
     let points = points.filter(|_| is_opaque);
     config.prior.free_before_points = true;
-    if config.shell.is_some() {
+    if config.model.contraction.is_some() {
         locate_unbounded(config, &cameras, near_far[0], observer);
     }
     if let Some(unbounded) = config.unbounded() {
@@ -33,7 +33,7 @@ pub(super) fn locate(
         return Ok(all_points.map(|points| unbounded.contract_boxes(&points)));
     }
     config.prior.points = points;
-    let [near, far] = *config.near_far.get_or_insert(near_far);
+    let [near, far] = *config.space.near_far.get_or_insert(near_far);
     let within = bounds.map_or_else(String::new, |b| format!(", within {:.3} to {:.3}", b.min, b.max));
     observer.message(&format_args!("rays from {near:.3} to {far:.3}{within}"));
     dataset.bounds = bounds;
@@ -42,11 +42,11 @@ pub(super) fn locate(
 
 /// The inner box and the range of an unbounded scene, whose rays begin at `near`, as far as `config` does not say them.
 pub(super) fn locate_unbounded(config: &mut TrainConfig, cameras: &[Camera], near: f64, observer: &mut dyn Observer) {
-    let [min, max] = *config.inner_box.get_or_insert_with(|| {
+    let [min, max] = *config.space.inner_box.get_or_insert_with(|| {
         let inner = prior::inner_box(cameras);
         [inner.min, inner.max]
     });
     let far = FAR_OF_UNBOUNDED * (max - min).max_element();
-    let [near, far] = *config.near_far.get_or_insert([near, far]);
+    let [near, far] = *config.space.near_far.get_or_insert([near, far]);
     observer.message(&format_args!("rays from {near:.3} to {far:.3}, inner box {min:.3} to {max:.3}"));
 }

@@ -16,7 +16,8 @@
 //! let folder = std::env::temp_dir().join(format!("strivec-recipe-{}", std::process::id()));
 //! synthesize(&folder, &SynthOptions { views: 6, test_views: 1, size: [16, 16], ..SynthOptions::default() })?;
 //!
-//! let config = TrainConfig { batch_rays: 64, ..TrainConfig::preset("fast")?.with_steps(20) };
+//! let mut config = TrainConfig::preset("fast")?.with_steps(20);
+//! config.sampling.batch_rays = 64;
 //! let files = vec![folder.join("mesh.ply")];
 //! let recipe = Recipe { prior: Prior::Files { files, options: Default::default() }, ..Recipe::new(config) };
 //! let trained = recipe.train_folder(&folder, &Photographs::default(), &mut ())?;

@@ -30,17 +30,20 @@ pub(super) fn prior_of_points(
     observer: &mut dyn Observer,
 ) -> Result<Option<VoxelBoxes>, Error> {
     let candidate = |cells: VoxelBoxes, what, near_far| -> Result<PointPrior, Error> {
-        let config = TrainConfig { near_far, ..config.clone() };
+        let mut config = config.clone();
+        config.space.near_far = near_far;
         let share = train::covered_share(&config, dataset, &cells)?;
         Ok(PointPrior { cells, what, near_far, share })
     };
-    let of_dataset = all_points.map(|points| candidate(points, "the dataset's points", config.near_far)).transpose()?;
+    let of_dataset =
+        all_points.map(|points| candidate(points, "the dataset's points", config.space.near_far)).transpose()?;
     let unbounded = config.unbounded();
     let contracted: Vec<DVec3> =
         matched.iter().map(|&point| unbounded.map_or(point, |unbounded| unbounded.contract(point))).collect();
     let of_matching = prior::cells_around(&contracted).map(|cells| {
         let is_free = asked.is_none() && unbounded.is_none();
-        let near_far = if is_free { Some(prior::ray_range(&cameras(dataset), Some(&cells))) } else { config.near_far };
+        let near_far =
+            if is_free { Some(prior::ray_range(&cameras(dataset), Some(&cells))) } else { config.space.near_far };
         candidate(cells, "points matched between photographs", near_far)
     });
     let (dataset_share, of_matching) =
@@ -61,12 +64,13 @@ pub(super) fn prior_of_points(
     if !is_enough {
         return Ok(None);
     }
-    if let Some([near, far]) = near_far.filter(|range| Some(*range) != config.near_far) {
+    if let Some([near, far]) = near_far.filter(|range| Some(*range) != config.space.near_far) {
         observer.message(&format_args!("rays from {near:.3} to {far:.3}, by these points"));
     }
-    config.near_far = near_far;
+    config.space.near_far = near_far;
     if share < ENOUGH_COVERED {
-        let degree = *config.sky_degree.get_or_insert(if config.random_background { 0 } else { SKY_DEGREE });
+        let photographs = &mut config.photographs;
+        let degree = *photographs.sky_degree.get_or_insert(if photographs.random_background { 0 } else { SKY_DEGREE });
         let cells = train::with_far_cells(config, dataset, &cells)?;
         let count = plural(cells.cells.len(), "cell");
         let sky = if degree > 0 { format!(", before a sky of degree {degree}") } else { String::new() };

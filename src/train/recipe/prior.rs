@@ -53,10 +53,10 @@ impl Prior {
         let occupied = build_prior(files, options, observer)?.boxes;
         check_sight(&occupied, cameras, observer);
         let near_far = prior::ray_range(cameras, Some(&occupied));
-        if config.shell.is_some() {
+        if config.model.contraction.is_some() {
             locate_unbounded(config, cameras, near_far[0], observer);
         } else {
-            config.near_far.get_or_insert(near_far);
+            config.space.near_far.get_or_insert(near_far);
         }
         Ok(Some(match config.unbounded() {
             None => occupied,
@@ -77,7 +77,7 @@ impl Prior {
         observer: &mut dyn Observer,
     ) -> Result<VoxelBoxes, Error> {
         let bootstraps = *self == Self::Bootstrap;
-        let asked = config.near_far;
+        let asked = config.space.near_far;
         let is_opaque = is_opaque(dataset);
         let all_points = locate(config, dataset, is_opaque, observer)?;
         if is_opaque && !bootstraps {

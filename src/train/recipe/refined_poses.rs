@@ -110,7 +110,7 @@ impl RefinedPoses {
         }
         let text = std::fs::read_to_string(path).map_err(FileError::io("read", path))?;
         let poses: Poses = serde_json::from_str(&text)
-            .map_err(|e| malformed(format!("not the refined poses that `strivec train --refine-poses` writes: {e}")))?;
+            .map_err(|e| malformed(format!("not the refined poses that a training with `poses.refine` writes: {e}")))?;
         let focal_scale = poses.focal_scale;
         if !(focal_scale.is_finite() && focal_scale > 0.0) {
             return Err(malformed(format!("focal_scale must be positive; found {focal_scale}")));

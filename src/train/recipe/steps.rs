@@ -20,7 +20,7 @@ pub fn run_steps(
     checkpoint: Option<&CheckpointFile>,
     observer: &mut dyn Observer,
 ) -> Result<(), Error> {
-    let steps = trainer.config().steps;
+    let steps = trainer.config().schedule.steps;
     observer.begin(trainer).map_err(Error::Observer)?;
     let mut meter = Meter::start(trainer, observer);
     while trainer.steps_done() < steps {
@@ -56,7 +56,7 @@ struct Meter {
 
 impl Meter {
     fn start(trainer: &Trainer<'_>, observer: &mut dyn Observer) -> Self {
-        let (done, total) = (trainer.steps_done(), trainer.config().steps);
+        let (done, total) = (trainer.steps_done(), trainer.config().schedule.steps);
         observer.progress(Progress { phase: "train", done, total, detail: "" });
         Self { seconds: 0.0, first_step: done, error: RunningMse::default(), maps_colors: false }
     }
@@ -65,9 +65,14 @@ impl Meter {
         self.error.add(report.mean_squared_error);
         self.seconds += seconds;
         let config = trainer.config();
-        let rays = (report.step - self.first_step) * config.batch_rays as u64;
+        let rays = (report.step - self.first_step) * config.sampling.batch_rays as u64;
         let detail = format!("{:.0} rays/s, train {:.2} dB", rays as f64 / self.seconds, self.error.psnr());
-        observer.progress(Progress { phase: "train", done: report.step, total: config.steps, detail: &detail });
+        observer.progress(Progress {
+            phase: "train",
+            done: report.step,
+            total: config.schedule.steps,
+            detail: &detail,
+        });
         let photographs = trainer.checkpoint().exposures.maps().len();
         if photographs > 0 && !self.maps_colors {
             self.maps_colors = true;

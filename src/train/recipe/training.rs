@@ -119,7 +119,7 @@ impl Recipe {
 impl Training<'_> {
     /// The largest side of the photographs that the settings ask for, those of the checkpoint in a resumed run.
     pub fn max_photograph_side(&self) -> Option<u32> {
-        self.saved.as_ref().map_or(&self.recipe.config, |(checkpoint, _)| &checkpoint.config).max_photograph_side
+        self.saved.as_ref().map_or(&self.recipe.config, |(checkpoint, _)| &checkpoint.config).photographs.max_side
     }
 
     /// Trains on the views of `dataset`, whose bounds and distances are set. In a resumed run they must be those that the
@@ -157,8 +157,8 @@ impl Recipe {
         let cameras = model_cameras(dataset, &scene.frame);
         let pack_options = PackOptions { seed: trainer.config().seed, ..PackOptions::default() };
         let packing = |scene| Packing::new(scene, Metadata::default(), cameras.clone(), None, &pack_options);
-        let max_bytes = trainer.config().max_file_bytes;
-        let is_free = trainer.config().background == TrainConfig::default().background;
+        let max_bytes = trainer.config().schedule.max_file_bytes;
+        let is_free = trainer.config().photographs.background == TrainConfig::default().photographs.background;
         let with_background = |mut scene: Scene| {
             if is_free && scene.rules.sky.is_none() && is_opaque(dataset) {
                 // Where no tensor is, training had a color for which no wall passes.

@@ -6,7 +6,8 @@
 mod ranks;
 
 use super::{
-    FinishConfig, LeanConfig, ScaleConfig, TrainConfig, TrainError, Trainer, march_step, prune_dead_components,
+    FinishConfig, LeanConfig, OptimizerConfig, ScaleConfig, ScheduleConfig, TrainConfig, TrainError, Trainer,
+    march_step, prune_dead_components,
 };
 use strivec_capture::dataset::Photograph;
 use strivec_format::model::{Scale, Scene};
@@ -73,7 +74,7 @@ pub fn shrink<'v>(
     let mut config = TrainConfig { lean: goal.lean(), ..tuned(&tuning.config, &scene, steps) };
     if tuning.config.finish.from < 1.0 {
         let given_up = (config.lean.during[1] * steps as f64).ceil() as u64;
-        config.occupancy_at = vec![1, given_up.max(2)];
+        config.schedule.occupancy_at = vec![1, given_up.max(2)];
         let raised = |value: f64, factor: f64, most: f64| value.max(most.min(factor * value));
         let longest = march_step(&scene.scales[0].cloud, LONGEST_STEP_CELLS);
         scene.rules.step = raised(scene.rules.step, LONGER_STEP, longest);
@@ -114,14 +115,20 @@ pub(super) fn tuned(config: &TrainConfig, scene: &Scene, steps: u64) -> TrainCon
         top_k: s.top_k,
     };
     TrainConfig {
-        steps,
-        upsample_at: Vec::new(),
-        occupancy_at: Vec::new(),
+        schedule: ScheduleConfig {
+            steps,
+            upsample_at: Vec::new(),
+            occupancy_at: Vec::new(),
+            ..config.schedule.clone()
+        },
         lean: LeanConfig::off(),
         finish: FinishConfig::off(),
-        factor_learning_rate: LEARNING_RATE_SHARE * config.factor_learning_rate,
-        network_learning_rate: LEARNING_RATE_SHARE * config.network_learning_rate,
-        sky_learning_rate: LEARNING_RATE_SHARE * config.sky_learning_rate,
+        optimizer: OptimizerConfig {
+            factor_learning_rate: LEARNING_RATE_SHARE * config.optimizer.factor_learning_rate,
+            network_learning_rate: LEARNING_RATE_SHARE * config.optimizer.network_learning_rate,
+            sky_learning_rate: LEARNING_RATE_SHARE * config.optimizer.sky_learning_rate,
+            ..config.optimizer.clone()
+        },
         scales: scene.scales.iter().map(of_scale).collect(),
         ..config.clone()
     }

@@ -86,9 +86,9 @@ struct Reporter {
 }
 
 impl Observer for Reporter {
-    fn message(&mut self, text: &str) {
+    fn message(&mut self, text: &dyn std::fmt::Display) {
         // Nobody receives after a second Ctrl-C.
-        let _ = self.events.send(Event::Message(escaped(text)));
+        let _ = self.events.send(Event::Message(escaped(&text.to_string())));
     }
 
     fn progress(&mut self, progress: Progress<'_>) {
@@ -103,7 +103,7 @@ impl Observer for Reporter {
 
     fn finished(&mut self, summary: &str) {
         if !summary.is_empty() {
-            self.message(summary);
+            self.message(&summary);
         }
     }
 

@@ -1,8 +1,8 @@
 """Training, and the other commands of `strivec` and `strivec-pack` as functions.
 
-`train` calls the library. The other functions are commands: arguments of a command come first, and options follow by name: `max_size="2MB"` is `--max-size 2MB`, `prune=True` is `--prune`,
-and a list repeats an option. Results are those of `--json`. `help(strivec.pack)` names the usual options, and `strivec-pack pack
---help` all.
+`train` calls the library. The other functions are commands: arguments of a command come first, and options follow by name:
+`max_size="2MB"` is `--max-size 2MB`, `auto=True` is `--auto`, and a list repeats an option. Results are those of `--json`.
+`help(strivec.pack)` names the usual options, and `strivec-pack pack --help` all.
 """
 
 from __future__ import annotations
@@ -150,8 +150,8 @@ def train(
     """Trains a scene on the photographs of `dataset` and writes the file `output`, to the same bytes as `strivec train`; returns its
     size, parameters, steps and seconds.
 
-    `settings` are those of `settings()`; `preset` replaces their preset, scales and decoder. Every other name is a setting, as in
-    `batch_rays=1024, seed=1, prune=True`. `steps` scales the whole schedule.
+    `settings` are those of `settings()`; `preset` replaces their preset, scales and decoder. Every other name is a setting, or a table
+    of some, as in `seed=1, sampling={"batch_rays": 1024}`. `steps` scales the whole schedule.
 
     prior: geometry files of the dataset's space. prior_options: voxel, thickness, min_points, close, dilate; `prior()` has more.
     bootstrap: find the scene with eight coarse tensors. auto: derive tensors from the photographs' detail. max_params, max_size: the
@@ -168,7 +168,7 @@ def train(
         settings = json.loads(_strivec.settings_of_toml(toml, preset))
     files = [prior] if isinstance(prior, (str, os.PathLike)) else prior
     request = {
-        "settings": {**settings, **overrides},
+        "settings": _merged(settings, overrides),
         "steps": steps,
         "prior": [os.fspath(file) for file in files],
         "prior_options": dict(prior_options or {}),
@@ -188,6 +188,15 @@ def train(
         "force": force,
     }
     return json.loads(_strivec.train(dataset, output, json.dumps(request), _listener(callback)))
+
+
+def _merged(settings: Mapping[str, Any], overrides: Mapping[str, Any]) -> Dict[str, Any]:
+    """`settings` with `overrides`, table by table."""
+    merged = dict(settings)
+    for key, value in overrides.items():
+        both = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
+        merged[key] = _merged(merged[key], value) if both else value
+    return merged
 
 
 def _bytes(size: Union[None, int, str]) -> Optional[int]:

@@ -28,7 +28,7 @@ class Commands(unittest.TestCase):
         dataset, file = self.dataset(), self.path / "scene.strivec"
         events = []
         settings = strivec.settings("fast")
-        settings["batch_rays"] = 256
+        settings["sampling"]["batch_rays"] = 256
         result = strivec.train(dataset, file, settings=settings, steps=300, prior=[dataset / "mesh.ply"], callback=events.append)
         self.assertEqual(result["steps"], 300)
         self.assertTrue(any(isinstance(event, strivec.Message) for event in events), events)
@@ -46,7 +46,7 @@ class Commands(unittest.TestCase):
         settings = strivec.settings("24")
         text = strivec.command("train", preset="24", print_config=True)
         self.assertEqual(strivec.settings_toml(settings), text)
-        settings["density_l1"] = "much"
+        settings["loss"]["density_l1"] = "much"
         with self.assertRaises(strivec.UsageError):
             strivec.settings_toml(settings)
         with self.assertRaises(strivec.UsageError):

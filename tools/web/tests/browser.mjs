@@ -65,7 +65,7 @@ export function levels() {
   const config = join(import.meta.dirname, "levels.toml");
   run(strivec, "synth", data, "--views", "12", "--test-views", "2", "--size", "48x48");
   // All parameters, as 32-bit numbers, make the file larger than those that are shown in one step.
-  const training = ["--config", config, "--prior", join(data, "mesh.ply"), "--full", "--keep-dead", "--encoding", "f32"];
+  const training = ["--config", config, "--prior", join(data, "mesh.ply"), "--set", "lean.max_loss=0", "--keep-dead", "--encoding", "f32"];
   run(strivec, "train", data, "-o", trained, ...training);
   const options = ["--lossless", "--level", "0", "--effort", "0.1", "--data", data, "--with-cameras"];
   run(pack, "pack", trained, "-o", file, ...options);

@@ -28,13 +28,10 @@ pub struct Measured {
 /// and learning rates below the rounding of factors.
 pub fn at_rest(config: &TrainConfig) -> TrainConfig {
     const STILL: f64 = 1e-20;
-    TrainConfig {
-        factor_learning_rate: STILL,
-        network_learning_rate: STILL,
-        upsample_at: Vec::new(),
-        occupancy_at: Vec::new(),
-        ..config.clone()
-    }
+    let mut config = config.clone();
+    (config.optimizer.factor_learning_rate, config.optimizer.network_learning_rate) = (STILL, STILL);
+    (config.schedule.upsample_at, config.schedule.occupancy_at) = (Vec::new(), Vec::new());
+    config
 }
 
 /// Measures the next steps of `trainer` on the threads of the current pool; `memory` was set before the trainer was made.

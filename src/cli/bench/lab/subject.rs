@@ -53,7 +53,7 @@ pub fn ball(config: &TrainConfig, upsampled: usize) -> Result<Scene, PrepareErro
         meters_per_unit: None,
         near: DISTANCE - 2.0,
         far: DISTANCE + 2.0,
-        background: config.background,
+        background: config.photographs.background,
         color_space: ColorSpace::Srgb,
     };
     let mut scene = initial_scene(&config, clouds, frame, "ball")?;
