@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use strivec_capture::prior::BuildOptions;
 use strivec_train::recipe::Prior;
 
 /// Prior options of commands that train.

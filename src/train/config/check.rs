@@ -91,7 +91,7 @@ impl TrainConfig {
             return Err(error("model.sky", "absent, as `photographs.sky_degree` sets the sky", "a sky"));
         }
         self.model.check(&bounds).map_err(|broken| {
-            let field = broken.place.trim_start_matches("rules ").replace("'s ", ".");
+            let field = broken.place.to_string().trim_start_matches("rules ").replace("'s ", ".");
             error(&format!("model.{field}"), &broken.expected, broken.found)
         })
     }

@@ -2,6 +2,7 @@
 
 use serde::Deserialize as _;
 use serde::de::{Deserializer, Error as _};
+use strivec_format::{Invalid, Place};
 use toml::{Table, Value};
 
 use super::near_names::near_names;
@@ -60,8 +61,8 @@ impl TrainConfig {
             let assignment = assignment(text)?;
             check_keys(&assignment, String::new)?;
             if assignment.contains_key("preset") {
-                let expected = "chosen before single settings, of which it sets all".into();
-                return Err(ConfigError::Value { place: "preset".into(), expected, found: text.clone() });
+                let expected = "chosen before single settings, of which it sets all";
+                return Err(Invalid::new(Place::option("preset"), expected, text).into());
             }
             merge(&mut given, assignment);
         }
