@@ -117,7 +117,7 @@ mod tests {
     fn what_is_wrong_with_a_scan_names_its_file() {
         let folder = scan("axisAlignment = 1 2");
         let message = scan_of(folder.path()).err().unwrap().to_string();
-        assert!(message.ends_with("scene0001_00.txt: axisAlignment must be 16 numbers; found 2"), "{message}");
+        assert!(message.ends_with("scene0001_00.txt: axisAlignment: expected 16 numbers, found 2"), "{message}");
         let folder = tempfile::tempdir().unwrap();
         for part in ["pose", "color"] {
             fs::create_dir(folder.path().join(part)).unwrap();

@@ -170,7 +170,7 @@ mod tests {
             bytes[at..at + to.len()].copy_from_slice(to);
             bytes
         };
-        assert_eq!(error(&[0; 7]), "byte 0 must be 8 bytes of the number of points; found 7 bytes");
+        assert_eq!(error(&[0; 7]), "byte 0: expected 8 bytes of the number of points, found 7 bytes");
         assert_eq!(
             error(&changed(0, &u64::MAX.to_le_bytes())),
             "byte 0: 18446744073709551615 points of at least 51 bytes are declared, but 134 bytes are left"
@@ -181,28 +181,28 @@ mod tests {
         );
         assert_eq!(
             error(&changed(16, &f64::NAN.to_le_bytes())),
-            "byte 16 must be finite coordinates; found [NaN, -2, 3.5]"
+            "byte 16: expected finite coordinates, found [NaN, -2, 3.5]"
         );
         let mut more = binary();
         more.push(0);
-        assert_eq!(error(&more), "byte 142 must be the end of the file; found 1 more bytes");
-        assert_eq!(error(&changed(51, &10_u64.to_le_bytes())), "byte 139 must be 51 bytes of a point; found 3 bytes");
+        assert_eq!(error(&more), "byte 142: expected the end of the file, found 1 more bytes");
+        assert_eq!(error(&changed(51, &10_u64.to_le_bytes())), "byte 139: expected 51 bytes of a point, found 3 bytes");
     }
 
     #[test]
     fn hostile_lines_are_named() {
         for (text, expected) in [
-            ("1 2 3\n", "line 1 must be a coordinate; found the end of the line"),
-            ("\n1 2 3 x 0 0 0 1\n", "line 2 must be a coordinate; found \"x\""),
-            ("1 2 3 inf 0 0 0 1\n", "line 1 must be finite coordinates; found [2, 3, inf]"),
-            ("1 2 3 4 0 0 256 1\n", "line 1 must be a color from 0 to 255; found \"256\""),
-            ("1 2 3 4 0 0 0 1 5\n", "line 1 must be pairs of an image and a keypoint; found 1 numbers"),
-            ("-1 2 3 4 0 0 0 1\n", "line 1 must be the point's number; found \"-1\""),
+            ("1 2 3\n", "line 1: expected a coordinate, found the end of the line"),
+            ("\n1 2 3 x 0 0 0 1\n", "line 2: expected a coordinate, found \"x\""),
+            ("1 2 3 inf 0 0 0 1\n", "line 1: expected finite coordinates, found [2, 3, inf]"),
+            ("1 2 3 4 0 0 256 1\n", "line 1: expected a color from 0 to 255, found \"256\""),
+            ("1 2 3 4 0 0 0 1 5\n", "line 1: expected pairs of an image and a keypoint, found 1 numbers"),
+            ("-1 2 3 4 0 0 0 1\n", "line 1: expected the point's number, found \"-1\""),
         ] {
             assert_eq!(seen_with(text.as_bytes(), &all(), read_text).unwrap_err().to_string(), expected);
         }
         let bytes = b"1 2 3 \xff 0 0 0 1\n";
-        let expected = "line 1 must be a coordinate; found bytes that are not UTF-8";
+        let expected = "line 1: expected a coordinate, found bytes that are not UTF-8";
         assert_eq!(seen_with(bytes, &all(), read_text).unwrap_err().to_string(), expected);
     }
 }

@@ -13,9 +13,9 @@ pub enum Fault {
     /// The system failed to read the file.
     #[error("cannot read it: {0}")]
     Io(#[from] io::Error),
-    /// The file has a value that its format does not allow.
-    #[error(transparent)]
-    Malformed(#[from] Invalid),
+    /// The file has a value that its format does not allow. The place is mostly the position at which the value begins.
+    #[error("{}: expected {}, found {}", .0.place, .0.expected, .0.found)]
+    Malformed(Invalid),
     /// The file breaks its format in another way.
     #[error("{place}: {problem}")]
     Broken {
@@ -48,6 +48,12 @@ pub enum Fault {
     /// The visitor stopped the reading.
     #[error("interrupted")]
     Stopped,
+}
+
+impl From<Invalid> for Fault {
+    fn from(invalid: Invalid) -> Self {
+        Self::Malformed(invalid)
+    }
 }
 
 impl Fault {

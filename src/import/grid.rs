@@ -198,6 +198,6 @@ mod tests {
         assert!(Grid::new([2, 2, 2], Order::Xyz, At::Cells, &Aabb::EMPTY).is_err());
         assert_eq!(three_axes(&[1, 1, 2, 3, 1, 1]).unwrap(), [2, 3, 1]);
         let error = three_axes(&[2, 2, 3, 4]).unwrap_err().to_string();
-        assert_eq!(error, "the grid's shape must be three axes; found [2, 2, 3, 4]");
+        assert_eq!(error, "the grid's shape: expected three axes, found [2, 2, 3, 4]");
     }
 }

@@ -269,11 +269,11 @@ mod tests {
         let mut nodes = node(0.0, 0x80).repeat(17);
         nodes.extend(node(1.0, 0));
         let bad = message(&tree(false, "id OcTree\nsize 18\nres 0.25", &nodes));
-        assert!(bad.ends_with("must be a leaf at level 16; found a node with children"), "{bad}");
+        assert!(bad.ends_with("expected a leaf at level 16, found a node with children"), "{bad}");
         let mut nodes = [0, 0b1100_0000].repeat(16);
         nodes.extend([0, 0b1000_0000]);
         let bad = message(&tree(true, "id OcTree\nsize 18\nres 0.25", &nodes));
-        assert!(bad.ends_with("must be a leaf at level 16; found a node with children"), "{bad}");
+        assert!(bad.ends_with("expected a leaf at level 16, found a node with children"), "{bad}");
     }
 
     #[test]
@@ -282,13 +282,13 @@ mod tests {
         assert!(message(&tree(true, "id OcTree\nsize 1", &[])).ends_with("line 6: the header has no line \"res\""));
         for res in ["0", "-1", "NaN", "inf", "1e308", "x"] {
             let error = message(&tree(true, &format!("id OcTree\nres {res}"), &[]));
-            assert_eq!(error, format!("line 5 must be a finite edge length above 0; found {res}"));
+            assert_eq!(error, format!("line 5: expected a finite edge length above 0, found {res}"));
         }
         assert_eq!(
             message(&tree(false, "id CountingOcTree\nsize 1\nres 1", &[])),
             "OctoMap's \"CountingOcTree\" is not supported: convert it to an OcTree or a ColorOcTree"
         );
-        assert_eq!(message(&tree(true, "size -4", &[])), "line 4 must be a number of nodes; found -4");
+        assert_eq!(message(&tree(true, "size -4", &[])), "line 4: expected a number of nodes, found -4");
         assert!(
             message(&[FULL, b"\n#\n"].concat())
                 .ends_with("line 3: expected a line \"data\", found the end of the file")
@@ -301,14 +301,14 @@ mod tests {
     fn trees_that_end_elsewhere_are_refused() {
         assert_eq!(
             message(&tree(true, "id OcTree\nsize 4000000000\nres 1", &[3, 0])),
-            "byte 84 must be 2 bytes of a node; found 0 bytes"
+            "byte 84: expected 2 bytes of a node, found 0 bytes"
         );
         let bad = message(&tree(true, "id OcTree\nsize 3\nres 1", &[2, 0]));
-        assert!(bad.ends_with("must be 3 nodes, as the header says; found 2"), "{bad}");
+        assert!(bad.ends_with("expected 3 nodes, as the header says, found 2"), "{bad}");
         let followed = tree(true, "id OcTree\nsize 2\nres 1", &[2, 0, 9]);
         assert_eq!(seen(&followed).unwrap().cells.len(), 1, "what follows is not the tree's");
         let bad = message(&tree(false, "id OcTree\nsize 1\nres 1", &node(f32::NAN, 0)));
-        assert!(bad.ends_with("must be log odds that are a number; found NaN"), "{bad}");
+        assert!(bad.ends_with("expected log odds that are a number, found NaN"), "{bad}");
         assert_eq!(seen(&tree(true, "id OcTree\nsize 0\nres 1", &[])).unwrap().cells, []);
     }
 }

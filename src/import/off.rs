@@ -210,22 +210,22 @@ mod tests {
     fn hostile_files_are_named() {
         for (text, expected) in [
             ("", "line 1: the file ends before its last vertex or face"),
-            ("solid\n", "line 1 must be OFF; found \"solid\""),
-            ("4OFF\n", "line 1 must be OFF, COFF, NOFF, CNOFF or one of these after ST; found \"4OFF\""),
+            ("solid\n", "line 1: expected OFF, found \"solid\""),
+            ("4OFF\n", "line 1: expected OFF, COFF, NOFF, CNOFF or one of these after ST, found \"4OFF\""),
             ("OFF BINARY\n", "a binary OFF file is not supported: export it as text"),
-            ("OFF\n4\n", "line 2 must be the numbers of vertices and faces; found \"4\""),
-            ("OFF\nx 1\n", "line 2 must be numbers; found \"x 1\""),
+            ("OFF\n4\n", "line 2: expected the numbers of vertices and faces, found \"4\""),
+            ("OFF\nx 1\n", "line 2: expected numbers, found \"x 1\""),
             (
                 "OFF\n18446744073709551615 4000000000 0\n",
                 "line 2: 18446744073709551615 vertices and 4000000000 faces need at least 18446744073709551615 bytes, \
                  but 1 are left",
             ),
-            ("OFF\n1 0 0\n1 2\n   ", "line 3 must be three coordinates; found \"1 2\""),
-            ("OFF\n1 0 0\n1 nan 2", "line 3 must be finite coordinates; found [1, NaN, 2]"),
-            ("OFF\n1 1 0\n1 1 2\n3 0 0 1", "line 4 must be a vertex index of at least 0 and below 1; found \"1\""),
-            ("OFF\n1 1 0\n1 1 2\n3 0 0", "line 4 must be 3 corners; found 2"),
+            ("OFF\n1 0 0\n1 2\n   ", "line 3: expected three coordinates, found \"1 2\""),
+            ("OFF\n1 0 0\n1 nan 2", "line 3: expected finite coordinates, found [1, NaN, 2]"),
+            ("OFF\n1 1 0\n1 1 2\n3 0 0 1", "line 4: expected a vertex index of at least 0 and below 1, found \"1\""),
+            ("OFF\n1 1 0\n1 1 2\n3 0 0", "line 4: expected 3 corners, found 2"),
             ("OFF\n1 1 0\n1 1 2\n9999999 0", "corners of a polygon: at most 1048576 are read, found 9999999"),
-            ("COFF\n1 0 0\n1 1 2", "line 3 must be a color after the coordinates; found \"1 1 2\""),
+            ("COFF\n1 0 0\n1 1 2", "line 3: expected a color after the coordinates, found \"1 1 2\""),
         ] {
             assert_eq!(fault(text), expected);
         }

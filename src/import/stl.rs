@@ -131,26 +131,26 @@ mod tests {
 
     #[test]
     fn hostile_files_are_named() {
-        assert_eq!(fault(b""), "byte 0 must be 84 bytes of an STL header; found 0 bytes");
+        assert_eq!(fault(b""), "byte 0: expected 84 bytes of an STL header, found 0 bytes");
         let mut billions = binary(b"", 1);
         billions[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert_eq!(fault(&billions), "byte 84 must be 214748364750 bytes of 4294967295 triangles; found 50 bytes");
+        assert_eq!(fault(&billions), "byte 84: expected 214748364750 bytes of 4294967295 triangles, found 50 bytes");
         let mut nan = binary(b"", 1);
         nan[96..100].copy_from_slice(&f32::NAN.to_le_bytes());
-        assert_eq!(fault(&nan), "byte 96 must be finite coordinates; found [NaN, 0, 1]");
+        assert_eq!(fault(&nan), "byte 96: expected finite coordinates, found [NaN, 0, 1]");
         for (text, expected) in [
-            ("solid\nvertex 0 0\n", "line 2 must be vertex and three numbers; found \"vertex 0 0\""),
-            ("solid\nvertex 0 0 inf\n", "line 2 must be finite coordinates; found [0, 0, inf]"),
-            ("solid\nvertex 0 0 0\nendloop\n", "line 3 must be three vertices before endloop; found \"endloop\""),
+            ("solid\nvertex 0 0\n", "line 2: expected vertex and three numbers, found \"vertex 0 0\""),
+            ("solid\nvertex 0 0 inf\n", "line 2: expected finite coordinates, found [0, 0, inf]"),
+            ("solid\nvertex 0 0 0\nendloop\n", "line 3: expected three vertices before endloop, found \"endloop\""),
             ("solid\nvertex 0 0 0\n", "line 2: the file ends in a triangle"),
             (
                 "solid\nbezier\n",
-                "line 2 must be solid, facet, outer loop, vertex, endloop, endfacet or endsolid; found \"bezier\"",
+                "line 2: expected solid, facet, outer loop, vertex, endloop, endfacet or endsolid, found \"bezier\"",
             ),
         ] {
             assert_eq!(fault(text.as_bytes()), expected);
         }
         let four = TEXT.replace("  endloop", "  vertex 1 1 1\n  endloop");
-        assert_eq!(fault(four.as_bytes()), "line 7 must be endloop after three vertices; found \"  vertex 1 1 1\"");
+        assert_eq!(fault(four.as_bytes()), "line 7: expected endloop after three vertices, found \"  vertex 1 1 1\"");
     }
 }

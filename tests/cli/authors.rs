@@ -733,7 +733,7 @@ fn files_that_contradict_each_other_are_refused() {
         Places::Boxes(_) => panic!("boxes"),
     };
     let fewer = refused(CP, &|made| points(made, &|points| points[1].truncate(28)));
-    assert_eq!(fewer, "the centers of scale 1 must be 29, as many as the checkpoint has tensors; found 28");
+    assert_eq!(fewer, "the centers of scale 1: expected 29, as many as the checkpoint has tensors, found 28");
     let three = refused(CP, &|made| points(made, &|points| points.push(Vec::new())));
     assert!(three.starts_with("the files of points: expected one file for each of 2 scales"), "{three}");
     let equal = refused(CP, &|made| points(made, &|points| points[0][1] = points[0][0]));
@@ -741,15 +741,18 @@ fn files_that_contradict_each_other_are_refused() {
     let infinite = refused(CP, &|made| points(made, &|points| points[0][1].z = f64::NAN));
     assert!(infinite.contains("center"), "{infinite}");
     let edges = refused(CP, &|made| made.config = made.config.replace("0.3, 0.35, 0.4]", "]").replace(", ]", "]"));
-    assert_eq!(edges, "local_range of the configuration must be half edges of 2 scales; found 1");
+    assert_eq!(edges, "local_range of the configuration: expected half edges of 2 scales, found 1");
     let ranks = refused(CP, &|made| exchange(&mut made.root, "density_line.0", "app_line.0"));
-    assert!(ranks.starts_with("state_dict density_line.1 must be an array of [7, 5, any]; found [7, 4, 6]"), "{ranks}");
+    assert!(
+        ranks.starts_with("state_dict density_line.1: expected an array of [7, 5, any], found [7, 4, 6]"),
+        "{ranks}"
+    );
     let level = refused(CP, &|made| made.config = made.config.replace("unit_lvl = 1", "unit_lvl = 2"));
-    assert_eq!(level, "unit_lvl of the configuration must be a number below 2; found 2");
+    assert_eq!(level, "unit_lvl of the configuration: expected a number below 2, found 2");
     let sharing = refused(KINDS[5], &|made| made.config = made.config.replace("vm_sep_mat = 2", "vm_sep_mat = 1"));
     assert!(sharing.starts_with("state_dict density_plane.0: expected an array of [3, 4, 7, 7]"), "{sharing}");
     let columns = refused(KINDS[5], &|made| exchange(&mut made.root, "basis_mat.0.weight", "basis_mat.1.weight"));
-    assert_eq!(columns, "state_dict basis_mat.0.weight must be 5 or 15 columns; found 6");
+    assert_eq!(columns, "state_dict basis_mat.0.weight: expected 5 or 15 columns, found 6");
     let activation = refused(CP, &|made| *entry_mut(&mut made.root, &["kwargs", "fea2denseAct"]) = Value::text("relu"));
     assert!(activation.contains("train with fea2denseAct = softplus"), "{activation}");
     // Declared lengths without numbers, which would be as much memory.

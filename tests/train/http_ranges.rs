@@ -71,7 +71,7 @@ fn ask(url: String) -> Fetch<impl Fn(Range<u64>) -> Result<Vec<u8>, String>> {
         let range = format!("bytes={}-{}", wanted.start, wanted.end - 1);
         let mut response = ureq::get(&url).header("Range", range).call().map_err(|e| e.to_string())?;
         if response.status() != 206 {
-            return Err(format!("must be partial content (206); found {}", response.status()));
+            return Err(format!("expected partial content (206), found {}", response.status()));
         }
         response.body_mut().read_to_vec().map_err(|e| e.to_string())
     })

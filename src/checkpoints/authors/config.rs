@@ -222,10 +222,10 @@ mod tests {
             ),
             (
                 "local_range = [1, 2]",
-                "local_range of the configuration must be three positive numbers for each scale; found [1.0, 2.0]",
+                "local_range of the configuration: expected three positive numbers for each scale, found [1.0, 2.0]",
             ),
-            ("\nmax_tensoRF = [a]", "line 2, max_tensoRF must be finite numbers; found \"[a]\""),
-            ("unit_lvl = 0.5", "unit_lvl of the configuration must be a whole number from 0 on; found 0.5"),
+            ("\nmax_tensoRF = [a]", "line 2, max_tensoRF: expected finite numbers, found \"[a]\""),
+            ("unit_lvl = 0.5", "unit_lvl of the configuration: expected a whole number from 0 on, found 0.5"),
         ] {
             assert_eq!(config(text).unwrap_err().to_string(), error);
         }

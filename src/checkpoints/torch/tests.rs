@@ -99,13 +99,13 @@ fn other_files_are_told_what_to_do() {
     assert!(message(&tar).contains("before 1.6"));
     assert_eq!(
         message(b"other"),
-        "byte 0 must be a checkpoint of PyTorch 1.6 or later, a zip archive; found [6f, 74, 68, 65, 72]"
+        "byte 0: expected a checkpoint of PyTorch 1.6 or later, a zip archive, found [6f, 74, 68, 65, 72]"
     );
-    assert_eq!(message(&zip(&[])), "the archive must be one entry data.pkl; found 0");
+    assert_eq!(message(&zip(&[])), "the archive: expected one entry data.pkl, found 0");
     let other = zip(&[("x/data.pkl", b"\x80\x02}X\x01\0\0\0aK\x01s.")]);
     assert_eq!(
         message(&other),
-        "the keys of the checkpoint must be DVGO's model_state_dict and model_kwargs, or TensoRF's alphaMask.mask; found a"
+        "the keys of the checkpoint: expected DVGO's model_state_dict and model_kwargs, or TensoRF's alphaMask.mask, found a"
     );
     let tensorf = zip(&[("x/data.pkl", b"\x80\x02}(X\x06\0\0\0kwargs}X\x0a\0\0\0state_dict}u.")]);
     assert!(message(&tensorf).starts_with("a TensoRF checkpoint without alphaMask is not supported"));
@@ -144,32 +144,35 @@ fn parse_error(pickle: &[u8]) -> String {
 #[test]
 fn pickles_that_torch_does_not_write_are_refused() {
     for (pickle, error) in [
-        (&b""[..], "byte 0 of x must be 1 bytes; found 0"),
-        (b"\x80\x06.", "byte 0 of x must be a protocol of 2 to 5; found 6"),
-        (b".", "byte 0 of x must be 1 values on the stack; found 0"),
-        (b"(.", "byte 1 of x must be 1 values on the stack; found 0"),
-        (b"(N\x86.", "byte 2 of x must be 2 values on the stack; found 1"),
-        (b"N(\x85.", "byte 2 of x must be 1 values on the stack; found 0"),
-        (b"Nt.", "byte 1 of x must be a mark on the stack; found none"),
-        (b"Nq", "byte 1 of x must be 1 bytes; found 0"),
-        (b"q\0", "byte 0 of x must be a value on the stack; found none"),
-        (b"h\x05.", "byte 0 of x must be a memoized value; found number 5"),
-        (b"X\xff\xff\xff\xff.", "byte 0 of x must be 4294967295 bytes; found 1"),
-        (b"\x8d\xff\xff\xff\xff\xff\xff\xff\xff.", "byte 0 of x must be 18446744073709551615 bytes; found 1"),
-        (b"X\x01\0\0\0\xff.", "byte 0 of x must be UTF-8; found other bytes"),
-        (b"}Na.", "byte 2 of x must be a list to append to; found something else"),
-        (b"]NNs.", "byte 3 of x must be a dictionary to set items of; found something else"),
-        (b"}(Nu.", "byte 3 of x must be pairs of a key and a value; found 1 items"),
-        (b"NNR.", "byte 2 of x must be a function to call; found something else"),
-        (b"I1\n.", "byte 0 of x must be an instruction of torch's pickles; found 0x49"),
-        (b"N.N", "byte 1 of x must be the end of the pickle; found 1 more bytes"),
-        (b"NQ.", "byte 1 of x must be a tuple; found something else"),
-        (b"ctorch\nSize\n)R.", "byte 13 of x must be the arguments that torch passes; found 0 arguments of Same"),
+        (&b""[..], "byte 0 of x: expected 1 bytes, found 0"),
+        (b"\x80\x06.", "byte 0 of x: expected a protocol of 2 to 5, found 6"),
+        (b".", "byte 0 of x: expected 1 values on the stack, found 0"),
+        (b"(.", "byte 1 of x: expected 1 values on the stack, found 0"),
+        (b"(N\x86.", "byte 2 of x: expected 2 values on the stack, found 1"),
+        (b"N(\x85.", "byte 2 of x: expected 1 values on the stack, found 0"),
+        (b"Nt.", "byte 1 of x: expected a mark on the stack, found none"),
+        (b"Nq", "byte 1 of x: expected 1 bytes, found 0"),
+        (b"q\0", "byte 0 of x: expected a value on the stack, found none"),
+        (b"h\x05.", "byte 0 of x: expected a memoized value, found number 5"),
+        (b"X\xff\xff\xff\xff.", "byte 0 of x: expected 4294967295 bytes, found 1"),
+        (b"\x8d\xff\xff\xff\xff\xff\xff\xff\xff.", "byte 0 of x: expected 18446744073709551615 bytes, found 1"),
+        (b"X\x01\0\0\0\xff.", "byte 0 of x: expected UTF-8, found other bytes"),
+        (b"}Na.", "byte 2 of x: expected a list to append to, found something else"),
+        (b"]NNs.", "byte 3 of x: expected a dictionary to set items of, found something else"),
+        (b"}(Nu.", "byte 3 of x: expected pairs of a key and a value, found 1 items"),
+        (b"NNR.", "byte 2 of x: expected a function to call, found something else"),
+        (b"I1\n.", "byte 0 of x: expected an instruction of torch's pickles, found 0x49"),
+        (b"N.N", "byte 1 of x: expected the end of the pickle, found 1 more bytes"),
+        (b"NQ.", "byte 1 of x: expected a tuple, found something else"),
+        (b"ctorch\nSize\n)R.", "byte 13 of x: expected the arguments that torch passes, found 0 arguments of Same"),
     ] {
         assert_eq!(parse_error(pickle), error);
     }
     let endless = [b"c".as_slice(), &[b'a'; 1000]].concat();
-    assert_eq!(parse_error(&endless), "byte 0 of x must be a name of at most 256 bytes and its line's end; found none");
+    assert_eq!(
+        parse_error(&endless),
+        "byte 0 of x: expected a name of at most 256 bytes and its line's end, found none"
+    );
 }
 
 #[test]

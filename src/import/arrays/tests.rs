@@ -147,19 +147,19 @@ fn densities_are_dvgos_and_lie_at_vertices() {
 
 #[test]
 fn what_numpy_does_not_write_is_refused() {
-    assert_eq!(message(b""), "byte 0 must be the beginning of an .npy (\\x93NUMPY) or .npz (PK) file; found []");
+    assert_eq!(message(b""), "byte 0: expected the beginning of an .npy (\\x93NUMPY) or .npz (PK) file, found []");
     assert_eq!(
         message(&npy("<f8", false, "(1000000000, 3)", &[0; 24])),
-        "byte 79 must be 24000000000 bytes of numbers; found 24 bytes"
+        "byte 79: expected 24000000000 bytes of numbers, found 24 bytes"
     );
-    assert!(message(&npy("<f8", false, "(1, 3)", &[0; 25])).ends_with("must be 24 bytes of numbers; found 25 bytes"));
+    assert!(message(&npy("<f8", false, "(1, 3)", &[0; 25])).ends_with("expected 24 bytes of numbers, found 25 bytes"));
     assert_eq!(
         message(&npy("<f8", false, "(1, 3)", &f64s(&[0.0, f64::NAN, 1.0]))),
-        "point 0 must be finite coordinates; found [0, NaN, 1]"
+        "point 0: expected finite coordinates, found [0, NaN, 1]"
     );
     assert_eq!(
         message(&npy("<f8", false, "(1, 1, 3)", &f64s(&[0.0, f64::NAN, 1.0]))),
-        "number 1 of the grid must be a number; found NaN"
+        "number 1 of the grid: expected a number, found NaN"
     );
     for shape in ["()", "(3,)", "(3, 2)"] {
         let count = if shape == "()" {
@@ -186,7 +186,7 @@ fn archives_that_are_not_what_they_say_are_refused() {
     assert_eq!(message(&good[..good.len() - 30]), "the archive's end: there is no zip directory");
     assert_eq!(
         message(&npz(&[])),
-        "the archive must be cells, occupancy, density, alpha, points, xyz, positions or a single array; found no array"
+        "the archive: expected cells, occupancy, density, alpha, points, xyz, positions or a single array, found no array"
     );
     let others = npz(&[("a", Vec::new()), ("b", Vec::new())]);
     assert!(message(&others).ends_with("found \"a\", \"b\""), "{}", message(&others));
@@ -199,7 +199,7 @@ fn archives_that_are_not_what_they_say_are_refused() {
     let short = npz(&[("xyz", npy("<f8", false, "(2, 3)", &f64s(&[1.0, 2.0, 3.0])))]);
     assert_eq!(message(&short), "xyz: the array: the file ends within it");
     let bomb = npz(&[("xyz", npy("<f8", false, "(1000000, 3)", &f64s(&[1.0, 2.0, 3.0])))]);
-    assert_eq!(message(&bomb), "xyz must be 24000000 bytes of numbers; found 100 bytes");
+    assert_eq!(message(&bomb), "xyz: expected 24000000 bytes of numbers, found 100 bytes");
     let long = npz(&[("xyz", npy("<f8", false, "(1, 3)", &f64s(&[1.0, 2.0, 3.0, 4.0])))]);
     assert_eq!(message(&long), "xyz: the array: it has more bytes than it declares");
 
@@ -207,11 +207,14 @@ fn archives_that_are_not_what_they_say_are_refused() {
     let origin = ("origin", npy("<f8", false, "(3,)", &f64s(&[0.0; 3])));
     assert_eq!(message(&npz(&[cells.clone(), origin.clone()])), "the archive: the entry pitch.npy is missing");
     let flat = ("pitch", npy("<f8", false, "(3,)", &f64s(&[1.0, 0.0, 1.0])));
-    assert_eq!(message(&npz(&[cells.clone(), origin.clone(), flat])), "pitch must be numbers above 0; found [1, 0, 1]");
+    assert_eq!(
+        message(&npz(&[cells.clone(), origin.clone(), flat])),
+        "pitch: expected numbers above 0, found [1, 0, 1]"
+    );
     let pitch = ("pitch", npy("<f8", false, "(3,)", &f64s(&[1.0; 3])));
     assert!(message(&npz(&[cells, origin, pitch])).contains("integers of shape (n, 3)"));
     let colors = ("colors", npy("|u1", false, "(2, 3)", &[0; 6]));
-    assert_eq!(message(&npz(&[points, colors])), "xyz: the colors must be 1, one for each point; found 2");
+    assert_eq!(message(&npz(&[points, colors])), "xyz: the colors: expected 1, one for each point, found 2");
 }
 
 #[test]
@@ -223,7 +226,11 @@ fn an_archive_that_would_be_searched_without_end_is_refused() {
     bytes.extend(4_u64.to_le_bytes());
     bytes.extend(1_u32.to_le_bytes());
     bytes.extend(&end);
-    assert!(message(&bytes).starts_with("byte 4 must be the end of a zip64 directory; found ["), "{}", message(&bytes));
+    assert!(
+        message(&bytes).starts_with("byte 4: expected the end of a zip64 directory, found ["),
+        "{}",
+        message(&bytes)
+    );
     // As many entries as 16 bits count, and none there.
     let mut bytes = npz(&[("xyz", Vec::new())]);
     let at = bytes.len() - 22 + 8;

@@ -202,25 +202,25 @@ fn colors_follow_their_limits() {
 #[test]
 fn hostile_pages_are_named() {
     let good = plain(100);
-    assert_eq!(error(b""), "the file must be pages of 1024 bytes; found 0 bytes");
-    assert_eq!(error(&good[..2000]), "the file must be pages of 1024 bytes; found 2000 bytes");
+    assert_eq!(error(b""), "the file: expected pages of 1024 bytes, found 0 bytes");
+    assert_eq!(error(&good[..2000]), "the file: expected pages of 1024 bytes, found 2000 bytes");
     let mut damaged = good.clone();
     damaged[1500] ^= 1;
     let message = error(&damaged);
     assert!(message.starts_with("the page at byte 1024: expected the checksum "), "{message}");
-    assert!(error(&changed(&good, 0, b"?")).starts_with("byte 0 must be ASTM-E57; found \"?STM"));
-    assert_eq!(error(&changed(&good, 40, &[0, 8])), "byte 40 must be pages of 1024 bytes; found 2048");
+    assert!(error(&changed(&good, 0, b"?")).starts_with("byte 0: expected ASTM-E57, found \"?STM"));
+    assert_eq!(error(&changed(&good, 40, &[0, 8])), "byte 40: expected pages of 1024 bytes, found 2048");
     let len = good.len();
     assert_eq!(
         error(&changed(&good, 24, &[255; 8])),
-        format!("the XML section must be an offset within {len} bytes; found byte 18446744073709551615")
+        format!("the XML section: expected an offset within {len} bytes, found byte 18446744073709551615")
     );
     assert_eq!(
         error(&changed(&good, 32, &[255; 8])),
         "bytes of the XML section: at most 16777216 are read, found 18446744073709551615"
     );
     let message = error(&changed(&good, 32, &[0, 0, 255, 0]));
-    assert!(message.contains(" must be 16711680 bytes of the XML section; found "), "{message}");
+    assert!(message.contains(": expected 16711680 bytes of the XML section, found "), "{message}");
 }
 
 /// A file of nothing but this XML section.
@@ -259,25 +259,27 @@ fn hostile_scans_are_named() {
     let good = plain(100);
     assert_eq!(
         error(&replaced(&good, "recordCount=\"100\"", "recordCount=\"999\"")),
-        format!("scan 0 must be at most {} records of 192 bits; found 999", good.len() / 1024 * 1020 * 8 / 192)
+        format!("scan 0: expected at most {} records of 192 bits, found 999", good.len() / 1024 * 1020 * 8 / 192)
     );
     // One more than there are: the XML section is no packet.
     let message = error(&replaced(&good, "recordCount=\"100\"", "recordCount=\"101\""));
-    assert!(message.contains(" must be a packet of kind 0 to 2; found kind 60 of "), "{message}");
+    assert!(message.contains(": expected a packet of kind 0 to 2, found kind 60 of "), "{message}");
     let two = (0..2).fold(good.clone(), |bytes, _| replaced(&bytes, "cartesianZ", "cartesianQ"));
     assert_eq!(error(&two), "scan 0: it has neither Cartesian nor spherical coordinates");
     assert_eq!(
         error(&replaced(&good, "fileOffset=\"48\"", "fileOffset=\"99\"")),
-        "byte 99 must be a scan's head, of kind 1; found 0"
+        "byte 99: expected a scan's head, of kind 1, found 0"
     );
     // The scan's head is at byte 48, the packet at 80: its kind, length, streams and their lengths.
     assert!(error(&changed(&good, 64, &[255; 8])).starts_with("scan 0: expected an offset within "));
-    assert!(error(&changed(&good, 80, &[9])).starts_with("byte 80 must be a packet of kind 0 to 2; found kind 9 of "));
-    assert_eq!(error(&changed(&good, 84, &[4])), "byte 80 must be 3 streams; found 4");
+    assert!(
+        error(&changed(&good, 80, &[9])).starts_with("byte 80: expected a packet of kind 0 to 2, found kind 9 of ")
+    );
+    assert_eq!(error(&changed(&good, 84, &[4])), "byte 80: expected 3 streams, found 4");
     assert_eq!(error(&changed(&good, 82, &[3, 0])), "byte 80: the streams need 2412 bytes, but the packet has 4");
     assert_eq!(
         error(&changed(&good, 92, &f64::NAN.to_le_bytes())),
-        "scan 0, point 0 must be finite coordinates; found [NaN, 0, -0]"
+        "scan 0, point 0: expected finite coordinates, found [NaN, 0, -0]"
     );
 }
 
@@ -294,7 +296,7 @@ fn scans_without_bits_or_with_a_bent_pose_are_refused() {
     let bent = Made { fields: cartesian(DOUBLE), pose: Some(pose), ..Made::default() };
     assert_eq!(
         error(&file(vec![bent])),
-        "scan 0 must be a pose of a unit quaternion and a finite translation; found rotation [0, 0, 0, 0], translation [0, 0, 0]"
+        "scan 0: expected a pose of a unit quaternion and a finite translation, found rotation [0, 0, 0, 0], translation [0, 0, 0]"
     );
 }
 

@@ -236,7 +236,7 @@ fn sparse_elements_replace_others_or_zeros() {
     assert_eq!(corners(&seen(&document)), [[0.0, 20.0, 0.0], [0.0, 20.0, 40.0]]);
     let zeros = json!({"componentType": 5126, "count": 4, "type": "VEC3"});
     assert_eq!(corners(&seen(&with(&[("/accessors/0", zeros)]))), [[0.0; 3]; 2]);
-    let message = "accessor 0 must be sparse indices that ascend from 0 to below 4; found ";
+    let message = "accessor 0: expected sparse indices that ascend from 0 to below 4, found ";
     for (indices, found) in [([1, 4], 4), ([3, 1], 1), ([2, 2], 2)] {
         assert_eq!(fault(&with(&sparse(indices))), format!("{message}{found}"));
     }
@@ -346,8 +346,8 @@ fn bytes_that_are_not_there() {
     let most = u64::MAX;
     let view = "buffer view 0: expected ";
     let cases: Vec<(&str, Value, String)> = vec![
-        ("/buffers/0/byteLength", json!(77), "buffer 0 must be the declared 77 bytes; found 76 bytes".into()),
-        ("/buffers/0/byteLength", json!(most), format!("buffer 0 must be the declared {most} bytes; found 76 bytes")),
+        ("/buffers/0/byteLength", json!(77), "buffer 0: expected the declared 77 bytes, found 76 bytes".into()),
+        ("/buffers/0/byteLength", json!(most), format!("buffer 0: expected the declared {most} bytes, found 76 bytes")),
         (
             "/bufferViews/0/byteLength",
             json!(77),
@@ -392,7 +392,7 @@ fn bytes_that_are_not_there() {
     }
     let infinite = floats(&[0., 0., 0., f32::INFINITY, 0., 0., 0., 0., 0., 0., 0., 0.]);
     let infinite = [infinite, quad()[48..].to_vec()].concat();
-    let message = "vertex 1 of primitive 0 of mesh 0 must be finite coordinates; found [inf, NaN, NaN]";
+    let message = "vertex 1 of primitive 0 of mesh 0: expected finite coordinates, found [inf, NaN, NaN]";
     assert_eq!(fault(&with(&[("/buffers/0/uri", json!(data(&infinite)))])), message);
 }
 
@@ -419,10 +419,10 @@ fn uris_stay_in_the_folder() {
         );
     }
     for uri in ["a%", "a%2", "a%zz", "%ff"] {
-        let message = format!("buffer 0 must be a URI; found \"{uri}\"");
+        let message = format!("buffer 0: expected a URI, found \"{uri}\"");
         assert_eq!(fault(&with(&[("/buffers/0/uri", json!(uri))])), message);
     }
-    let message = "buffer 0 must be a data URI in base64; found ";
+    let message = "buffer 0: expected a data URI in base64, found ";
     assert_eq!(fault(&with(&[("/buffers/0/uri", json!("data:,abc"))])), format!("{message}\"data:,abc\""));
     assert!(fault(&with(&[("/buffers/0/uri", json!("data:;base64,a?"))])).starts_with(message));
 }
@@ -458,7 +458,7 @@ fn nodes_that_are_no_tree() {
         nodes(json!([{"mesh": 0, "rotation": [0, 0, 0, 0]}])).starts_with("node 0: expected a rotation of length 1")
     );
     let matrix = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 2]);
-    let message = "node 0 must be a matrix whose last row is 0, 0, 0, 1; found [0, 0, 0, 2]";
+    let message = "node 0: expected a matrix whose last row is 0, 0, 0, 1, found [0, 0, 0, 2]";
     assert_eq!(nodes(json!([{"mesh": 0, "matrix": matrix}])), message);
     // Deep trees are no recursion.
     let mut chain: Vec<Value> = (1..50_000).map(|n| json!({"children": [n]})).collect();
@@ -516,16 +516,16 @@ fn glb_lengths_are_those_of_the_file() {
         fault(&file)
     };
     let (len, room) = (whole.len(), whole.len() - 20);
-    assert_eq!(fault(b"glTF\x02\0\0\0"), "byte 0 must be 12 bytes of a GLB header; found 8 bytes");
+    assert_eq!(fault(b"glTF\x02\0\0\0"), "byte 0: expected 12 bytes of a GLB header, found 8 bytes");
     assert_eq!(changed(4, 1), "GLB of version 1 is not supported: convert it to glTF 2");
     for length in [0, 11, 12, u32::MAX, len as u32 + 1] {
-        assert_eq!(changed(8, length), format!("byte 8 must be a length from 20 to {len}; found {length}"));
+        assert_eq!(changed(8, length), format!("byte 8: expected a length from 20 to {len}, found {length}"));
     }
-    assert_eq!(changed(12, u32::MAX), format!("byte 12 must be a chunk of at most {room} bytes; found {}", u32::MAX));
-    assert_eq!(changed(16, 0), "byte 12 must be a chunk JSON; found another chunk");
+    assert_eq!(changed(12, u32::MAX), format!("byte 12: expected a chunk of at most {room} bytes, found {}", u32::MAX));
+    assert_eq!(changed(16, 0), "byte 12: expected a chunk JSON, found another chunk");
     assert_eq!(fault(&glb(&document, None)), "buffer 0: it has no URI, and there is no chunk BIN for it");
     let short = fault(&glb(&document, Some(&quad()[..72])));
-    assert_eq!(short, "buffer 0 must be the declared 76 bytes; found 72 bytes");
+    assert_eq!(short, "buffer 0: expected the declared 76 bytes, found 72 bytes");
     for end in 0..len {
         assert!(try_seen(&whole[..end], &no_files).is_err(), "cut at {end}");
     }

@@ -174,20 +174,23 @@ fn hostile_headers_are_named() {
         bytes[at..at + to.len()].copy_from_slice(to);
         error(&bytes)
     };
-    assert_eq!(error(b""), "byte 0 must be 227 bytes of a LAS header; found 0 bytes");
-    assert_eq!(of(0, b"PLYF"), "byte 0 must be LASF; found \"PLYF\"");
-    assert_eq!(of(25, &[5]), "byte 24 must be a version from 1.0 to 1.4; found 1.5");
-    assert_eq!(of(94, &[226, 0]), "byte 94 must be a header of at least 227 bytes; found 226");
-    assert_eq!(of(96, &[255; 4]), "byte 96 must be an offset of the points from 227 to 287; found 4294967295");
-    assert_eq!(of(96, &[226, 0, 0, 0]), "byte 96 must be an offset of the points from 227 to 287; found 226");
-    assert_eq!(of(104, &[11]), "byte 104 must be a point format from 0 to 10; found 11");
-    assert_eq!(of(104, &[0x40]), "byte 104 must be a point format from 0 to 10; found 64");
-    assert_eq!(of(105, &[19, 0]), "byte 105 must be records of at least 20 bytes; found 19");
-    assert_eq!(of(107, &[4, 0, 0, 0]), "the number of points must be at most 3 points in 60 bytes; found 4");
+    assert_eq!(error(b""), "byte 0: expected 227 bytes of a LAS header, found 0 bytes");
+    assert_eq!(of(0, b"PLYF"), "byte 0: expected LASF, found \"PLYF\"");
+    assert_eq!(of(25, &[5]), "byte 24: expected a version from 1.0 to 1.4, found 1.5");
+    assert_eq!(of(94, &[226, 0]), "byte 94: expected a header of at least 227 bytes, found 226");
+    assert_eq!(of(96, &[255; 4]), "byte 96: expected an offset of the points from 227 to 287, found 4294967295");
+    assert_eq!(of(96, &[226, 0, 0, 0]), "byte 96: expected an offset of the points from 227 to 287, found 226");
+    assert_eq!(of(104, &[11]), "byte 104: expected a point format from 0 to 10, found 11");
+    assert_eq!(of(104, &[0x40]), "byte 104: expected a point format from 0 to 10, found 64");
+    assert_eq!(of(105, &[19, 0]), "byte 105: expected records of at least 20 bytes, found 19");
+    assert_eq!(of(107, &[4, 0, 0, 0]), "the number of points: expected at most 3 points in 60 bytes, found 4");
     assert!(of(131, &f64::NAN.to_le_bytes()).starts_with("byte 131: expected finite scales and offsets, found"));
     assert!(of(131, &f64::MAX.to_le_bytes()).starts_with("point 2: expected finite coordinates"));
     let many = file(4, 6, 30, u64::MAX, 0, &[], &record(6, 1, 0, 2));
-    assert_eq!(error(&many), format!("the number of points must be at most 1 points in 30 bytes; found {}", u64::MAX));
+    assert_eq!(
+        error(&many),
+        format!("the number of points: expected at most 1 points in 30 bytes, found {}", u64::MAX)
+    );
 }
 
 #[test]
@@ -200,27 +203,27 @@ fn hostile_descriptions_are_named() {
         bytes[at..at + to.len()].copy_from_slice(to);
         error(&bytes)
     };
-    assert_eq!(of(start, &[3, 0]), "the record of LAZ must be a compression for point format 0; found compressor 3");
+    assert_eq!(of(start, &[3, 0]), "the record of LAZ: expected a compression for point format 0, found compressor 3");
     assert_eq!(
         of(start + 2, &[1, 0]),
-        "the record of LAZ must be items [(6, 20)], versions 1..=2; found [((6, 20), 2)]"
+        "the record of LAZ: expected items [(6, 20)], versions 1..=2, found [((6, 20), 2)]"
     );
     assert_eq!(
         of(start + 12, &[0; 4]),
         "LAZ of point format 0 in chunks of different sizes is not supported: write it as LAS, or as LAZ with chunks of one size"
     );
-    assert_eq!(of(start + 32, &[0, 0]), "the record of LAZ must be items [(6, 20)], versions 1..=2; found []");
-    assert_eq!(of(start + 32, &[255, 255]), "the record of LAZ must be 65535 items; found 1");
+    assert_eq!(of(start + 32, &[0, 0]), "the record of LAZ: expected items [(6, 20)], versions 1..=2, found []");
+    assert_eq!(of(start + 32, &[255, 255]), "the record of LAZ: expected 65535 items, found 1");
     assert_eq!(
         of(start + 36, &[21, 0]),
-        "the record of LAZ must be items [(6, 20)], versions 1..=2; found [((6, 21), 2)]"
+        "the record of LAZ: expected items [(6, 20)], versions 1..=2, found [((6, 21), 2)]"
     );
     assert_eq!(of(start - 34, &[255, 255]), "byte 281: the record reaches beyond the start of the points, byte 375");
     assert_eq!(of(227 + 56, b"x"), "the records before the points: none describes the compression");
     assert_eq!(
         of(107, &[255; 4]),
         format!(
-            "the number of points must be at most {} points in {} bytes; found 4294967295",
+            "the number of points: expected at most {} points in {} bytes, found 4294967295",
             100 * (good.len() - 375),
             good.len() - 375
         )

@@ -48,6 +48,6 @@ pub enum NpyError {
     #[error("cannot read the array: {0}")]
     Io(#[from] io::Error),
     /// NumPy does not write such a file.
-    #[error("{0}; save the array with `numpy.save`")]
+    #[error("the array's {0}; save the array with `numpy.save`")]
     Malformed(Invalid),
 }

@@ -16,7 +16,7 @@ const MAX_HEADER: usize = 1 << 16;
 const MAX_AXES: usize = 64;
 
 fn malformed(place: &'static str, expected: &'static str, found: impl ToString) -> NpyError {
-    NpyError::Malformed(Invalid::new(format!("the {place} of the array"), expected, found.to_string()))
+    NpyError::Malformed(Invalid::new(place, expected, found.to_string()))
 }
 
 impl Number {

@@ -121,7 +121,7 @@ fn of_a_mesh_the_vertices_alone_can_be_had() {
 
 #[test]
 fn what_is_no_obj() {
-    let wrong = |found: &str| format!("line 2 must be v and 3, 4 or 6 numbers; found \"{found}\"");
+    let wrong = |found: &str| format!("line 2: expected v and 3, 4 or 6 numbers, found \"{found}\"");
     let cases = [
         ("", "the file: it has no vertices".into()),
         ("PK\u{3}\u{4}\0\0", "the file: it has no vertices".into()),
@@ -131,9 +131,9 @@ fn what_is_no_obj() {
         ("# a\nv 1 2 x\n", wrong("v 1 2 x")),
         ("# a\nv 1 2 \u{e9}\n", wrong("v 1 2 é")),
         ("# a\nv 1 2 3 red green blue\nf 1 1 1\n", wrong("v 1 2 3 red green blue")),
-        ("v 1 nan 2\n", "line 1 must be finite coordinates; found [1, NaN, 2]".into()),
-        ("v 1 1e999 2\nf 1 1 1\n", "line 1 must be finite coordinates; found [1, inf, 2]".into()),
-        ("v 1 2 3 0\nf 1 1 1\n", "line 1 must be finite coordinates; found [inf, inf, inf]".into()),
+        ("v 1 nan 2\n", "line 1: expected finite coordinates, found [1, NaN, 2]".into()),
+        ("v 1 1e999 2\nf 1 1 1\n", "line 1: expected finite coordinates, found [1, inf, 2]".into()),
+        ("v 1 2 3 0\nf 1 1 1\n", "line 1: expected finite coordinates, found [inf, inf, inf]".into()),
         (
             "v 0 0 0\ncstype bezier\nsurf 0 1 0 1 1 1 1 1\n",
             "the free-form surface in line 3 is not supported: export it as polygons".into(),
@@ -149,7 +149,7 @@ fn corners_that_are_no_vertices_above() {
     for corner in
         ["0", "2", "-2", "x", "/1/1", "1.0", "-9223372036854775808", "9223372036854775807", "99999999999999999999"]
     {
-        let message = format!("line 2 must be the index of one of the 1 vertices above; found \"{corner}\"");
+        let message = format!("line 2: expected the index of one of the 1 vertices above, found \"{corner}\"");
         assert_eq!(fault(format!("v 0 0 0\nf 1 1 {corner}\nv 1 1 1\n")), message);
     }
 }

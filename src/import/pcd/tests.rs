@@ -123,30 +123,33 @@ fn hostile_headers_are_named() {
         assert!(text.contains(from));
         error(text.replacen(from, to, 1).as_bytes())
     };
-    assert_eq!(error(b""), "line 1 must be a line DATA; found the end of the file");
-    assert_eq!(error(b"ply\n"), "line 1 must be a header line; found \"ply\"");
-    assert_eq!(error(b"\xff\xfe\n"), "line 1 must be a header line; found bytes that are not UTF-8");
+    assert_eq!(error(b""), "line 1: expected a line DATA, found the end of the file");
+    assert_eq!(error(b"ply\n"), "line 1: expected a header line, found \"ply\"");
+    assert_eq!(error(b"\xff\xfe\n"), "line 1: expected a header line, found bytes that are not UTF-8");
     assert_eq!(error("#\n".repeat(2000).as_bytes()), "lines of a header: at most 1000 are read, found 1001");
     assert_eq!(of("FIELDS", "WIDTH 1\nFIELDS"), "line 8: a second line WIDTH");
     assert_eq!(of("label x", "label w"), "FIELDS: the field x is missing");
-    assert_eq!(of("SIZE 4 ", "SIZE "), "SIZE must be 6 numbers; found 5");
+    assert_eq!(of("SIZE 4 ", "SIZE "), "SIZE: expected 6 numbers, found 5");
     assert_eq!(
         of("SIZE 4 ", "SIZE 3 "),
-        "TYPE and SIZE must be F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8 bytes; found F of 3"
+        "TYPE and SIZE: expected F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8 bytes, found F of 3"
     );
     assert_eq!(
         of("TYPE F ", "TYPE Q "),
-        "TYPE and SIZE must be F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8 bytes; found Q of 4"
+        "TYPE and SIZE: expected F of 4 or 8 bytes, or I or U of 1, 2, 4 or 8 bytes, found Q of 4"
     );
-    assert_eq!(of("TYPE F ", "TYPE "), "TYPE must be 6 letters; found 5");
+    assert_eq!(of("TYPE F ", "TYPE "), "TYPE: expected 6 letters, found 5");
     assert_eq!(
         of("COUNT 3", "COUNT 18446744073709551615"),
         "bytes of a record: at most 65536 are read, found 18446744073709551615"
     );
-    assert_eq!(of("COUNT 3", "COUNT -1"), "COUNT must be a number; found \"-1\"");
-    assert_eq!(of("POINTS 3", "POINTS 4"), "POINTS must be WIDTH 3 times HEIGHT 1; found 4");
+    assert_eq!(of("COUNT 3", "COUNT -1"), "COUNT: expected a number, found \"-1\"");
+    assert_eq!(of("POINTS 3", "POINTS 4"), "POINTS: expected WIDTH 3 times HEIGHT 1, found 4");
     assert_eq!(of("HEIGHT 1\n", ""), "the header: the line HEIGHT is missing");
-    assert_eq!(of("DATA binary", "DATA zip"), "line 11 must be DATA ascii, binary or binary_compressed; found \"zip\"");
+    assert_eq!(
+        of("DATA binary", "DATA zip"),
+        "line 11: expected DATA ascii, binary or binary_compressed, found \"zip\""
+    );
     let many = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 9999999999999999999\nHEIGHT 1\nDATA binary\n";
     assert_eq!(error(many.as_bytes()), "POINTS: 9999999999999999999 points of 12 bytes overflow");
 }
@@ -156,20 +159,20 @@ fn hostile_points_are_named() {
     let mut short = binary();
     let points = header("binary").len();
     short.pop();
-    assert_eq!(error(&short), format!("byte {points} must be 102 bytes of points; found 101 bytes"));
+    assert_eq!(error(&short), format!("byte {points}: expected 102 bytes of points, found 101 bytes"));
     let mut infinite = binary();
     infinite[points + 12..points + 16].copy_from_slice(&f32::INFINITY.to_le_bytes());
-    assert_eq!(error(&infinite), format!("byte {points} must be finite coordinates; found [1.25, -2, inf]"));
+    assert_eq!(error(&infinite), format!("byte {points}: expected finite coordinates, found [1.25, -2, inf]"));
     let text = |line: &[u8]| {
         let mut file = header("ascii");
         file.extend(line);
         error(&file)
     };
-    assert_eq!(text(b""), "line 12 must be 3 points; found 0");
-    assert_eq!(text(b"1 2 3\n"), "line 12 must be 9 numbers; found 3");
-    assert_eq!(text(b"0 0 0 z 0 1 1 1 1\n"), "line 12 must be a number; found \"z\"");
-    assert_eq!(text(b"0 0 0 1 c 1 1 1 1\n"), "line 12 must be a number; found \"c\"");
-    assert_eq!(text(b"0 0 0 \xff 0 1 1 1 1\n"), "line 12 must be a number; found bytes that are not UTF-8");
+    assert_eq!(text(b""), "line 12: expected 3 points, found 0");
+    assert_eq!(text(b"1 2 3\n"), "line 12: expected 9 numbers, found 3");
+    assert_eq!(text(b"0 0 0 z 0 1 1 1 1\n"), "line 12: expected a number, found \"z\"");
+    assert_eq!(text(b"0 0 0 1 c 1 1 1 1\n"), "line 12: expected a number, found \"c\"");
+    assert_eq!(text(b"0 0 0 \xff 0 1 1 1 1\n"), "line 12: expected a number, found bytes that are not UTF-8");
 }
 
 #[test]
@@ -177,15 +180,15 @@ fn hostile_compression_is_named() {
     let start = header("binary_compressed").len();
     assert_eq!(
         error(&compressed(&packed(), 101)),
-        format!("byte {start} must be 102 bytes of 3 points; found 101 bytes")
+        format!("byte {start}: expected 102 bytes of 3 points, found 101 bytes")
     );
     assert_eq!(
         error(&compressed(&[0], 102)),
-        format!("byte {start} must be compressed points of at least 2 bytes; found 1 bytes")
+        format!("byte {start}: expected compressed points of at least 2 bytes, found 1 bytes")
     );
     let mut cut = compressed(&packed(), 102);
     cut.pop();
-    assert_eq!(error(&cut), format!("byte {} must be 74 bytes of compressed points; found 73 bytes", start + 8));
+    assert_eq!(error(&cut), format!("byte {}: expected 74 bytes of compressed points, found 73 bytes", start + 8));
     let first = start + 8;
     assert_eq!(
         error(&compressed(&[0x20, 0, 0], 102)),
@@ -193,19 +196,19 @@ fn hostile_compression_is_named() {
     );
     assert_eq!(
         error(&compressed(&[5, 1], 102)),
-        format!("byte {} must be 6 more compressed bytes; found the end", first + 1)
+        format!("byte {}: expected 6 more compressed bytes, found the end", first + 1)
     );
     assert_eq!(
         error(&compressed(&[0, 1, 0xe0], 102)),
-        format!("byte {} must be 1 more compressed bytes; found the end", first + 3)
+        format!("byte {}: expected 1 more compressed bytes, found the end", first + 3)
     );
     assert_eq!(
         error(&compressed(&[0, 1, 0xe0, 255, 0], 102)),
-        format!("byte {} must be 102 decompressed bytes; found more", first + 2)
+        format!("byte {}: expected 102 decompressed bytes, found more", first + 2)
     );
     assert_eq!(
         error(&compressed(&[0, 1, 0xe0, 50, 0], 102)),
-        format!("byte {} must be 102 decompressed bytes; found 60", first + 5)
+        format!("byte {}: expected 102 decompressed bytes, found 60", first + 5)
     );
 }
 

@@ -178,7 +178,7 @@ fn faces_of_fewer_than_three_corners_are_no_triangles_but_checked() {
     let data = "0 0 0\n1 0 0\n2 0 0\n0\n1 2\n2 0 1\n";
     assert!(seen(ascii("float", 3, faces, data).as_bytes()).triangles.is_empty());
     let wrong = ascii("float", 3, faces, &data.replace("1 2\n", "1 3\n"));
-    assert_eq!(fault(wrong), "line 14 must be a vertex index of at least 0 and below 3; found 3");
+    assert_eq!(fault(wrong), "line 14: expected a vertex index of at least 0 and below 3, found 3");
 }
 
 #[test]
@@ -232,23 +232,23 @@ fn an_empty_cloud_is_a_cloud() {
 fn headers_that_are_none() {
     let vertex = "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
     let cases = [
-        ("", "byte 0 must be a line end_header; found the end of the file"),
-        ("PK\u{3}\u{4}", "line 1 must be ply; found \"PK\\u{3}\\u{4}\""),
-        ("ply\nformat ascii 1.0\n", "byte 21 must be a line end_header; found the end of the file"),
+        ("", "byte 0: expected a line end_header, found the end of the file"),
+        ("PK\u{3}\u{4}", "line 1: expected ply, found \"PK\\u{3}\\u{4}\""),
+        ("ply\nformat ascii 1.0\n", "byte 21: expected a line end_header, found the end of the file"),
         ("ply\nend_header\n", "the header: the line format is missing"),
         (
             "ply\nformat ascii 2.0\n",
-            "line 2 must be format ascii, binary_little_endian or binary_big_endian, and 1.0; found \"format ascii 2.0\"",
+            "line 2: expected format ascii, binary_little_endian or binary_big_endian, and 1.0, found \"format ascii 2.0\"",
         ),
         ("ply\nformat ascii 1.0\nend_header\n", "the header: the element vertex is missing"),
-        ("ply\nelement a 0\nwhatever\n", "line 3 must be a header line; found \"whatever\""),
-        ("ply\nproperty\n", "line 2 must be a header line; found \"property\""),
+        ("ply\nelement a 0\nwhatever\n", "line 3: expected a header line, found \"whatever\""),
+        ("ply\nproperty\n", "line 2: expected a header line, found \"property\""),
         ("ply\nelement vertex -1\n", "line 2: expected \"element NAME COUNT\", found \"element vertex -1\""),
         (
             "ply\nelement vertex 99999999999999999999\n",
             "line 2: expected \"element NAME COUNT\", found \"element vertex 99999999999999999999\"",
         ),
-        ("ply\nproperty float x\n", "line 2 must be an element before its properties; found \"property float x\""),
+        ("ply\nproperty float x\n", "line 2: expected an element before its properties, found \"property float x\""),
         (
             "ply\nelement vertex 1\nproperty long x\n",
             "line 3: expected \"property TYPE NAME\" or \"property list TYPE TYPE NAME\", found \"property long x\"",
@@ -259,7 +259,7 @@ fn headers_that_are_none() {
         ),
         (
             "ply\nelement vertex 1\nelement vertex 1\n",
-            "line 3 must be an element with another name; found \"element vertex 1\"",
+            "line 3: expected an element with another name, found \"element vertex 1\"",
         ),
         (
             "ply\nformat ascii 1.0\nelement vertex 1\nend_header\n0\n",
@@ -314,24 +314,27 @@ fn lists_longer_than_the_file_or_negative_are_refused() {
     let start = header.len() + 12;
     let mut file = [header.as_bytes(), &[0; 12]].concat();
     file.extend(bytes(&[('i', 3.0), ('i', 0.0), ('i', 0.0)], false));
-    assert_eq!(fault(&file), format!("byte {start} must be a list length from 0 to 2; found 3"));
+    assert_eq!(fault(&file), format!("byte {start}: expected a list length from 0 to 2, found 3"));
     file.truncate(start);
     file.extend(bytes(&[('i', -1.0), ('i', 0.0)], false));
-    assert_eq!(fault(&file), format!("byte {start} must be a list length from 0 to 1; found -1"));
+    assert_eq!(fault(&file), format!("byte {start}: expected a list length from 0 to 1, found -1"));
     let text = |data: &str| ascii("float", 1, "element face 1\nproperty list int int vertex_indices\n", data);
-    assert_eq!(fault(text("0 0 0\n4 0 0 0\n")), "line 11 must be a list length from 0 to 3; found 4");
-    assert_eq!(fault(text("0 0 0\n3 0 0 -1\n")), "line 11 must be a vertex index of at least 0 and below 1; found -1");
+    assert_eq!(fault(text("0 0 0\n4 0 0 0\n")), "line 11: expected a list length from 0 to 3, found 4");
+    assert_eq!(
+        fault(text("0 0 0\n3 0 0 -1\n")),
+        "line 11: expected a vertex index of at least 0 and below 1, found -1"
+    );
 }
 
 #[test]
 fn data_that_are_none() {
     let cases = [
-        ("0 0 0\n1 0 zero\n0 1 0\n3 0 1 2\n", "line 11 must be a number of type F32; found \"zero\""),
-        ("0 0 0\n1 0 \u{e9}\n0 1 0\n3 0 1 2\n", "line 11 must be a number of type F32; found \"é\""),
-        ("0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n", "line 11 must be finite coordinates; found [1, 0, NaN]"),
-        ("0 0 0\n1e99 0 0\n0 1 0\n3 0 1 2\n", "line 11 must be finite coordinates; found [inf, 0, 0]"),
-        ("0 0 0\n1 0 0\n0 1 0\n3 0 1\n         ", "line 14 must be a number; found the end of the file"),
-        ("0 0 0\n1 0 0\n0 1 0\n256 1 2 3\n", "line 13 must be a number of type U8; found \"256\""),
+        ("0 0 0\n1 0 zero\n0 1 0\n3 0 1 2\n", "line 11: expected a number of type F32, found \"zero\""),
+        ("0 0 0\n1 0 \u{e9}\n0 1 0\n3 0 1 2\n", "line 11: expected a number of type F32, found \"é\""),
+        ("0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n", "line 11: expected finite coordinates, found [1, 0, NaN]"),
+        ("0 0 0\n1e99 0 0\n0 1 0\n3 0 1 2\n", "line 11: expected finite coordinates, found [inf, 0, 0]"),
+        ("0 0 0\n1 0 0\n0 1 0\n3 0 1\n         ", "line 14: expected a number, found the end of the file"),
+        ("0 0 0\n1 0 0\n0 1 0\n256 1 2 3\n", "line 13: expected a number of type U8, found \"256\""),
     ];
     for (data, message) in cases {
         let file = ascii("float", 3, TRIANGLE, data);
@@ -341,7 +344,7 @@ fn data_that_are_none() {
     assert_eq!(fault(ascii("float", 1, "", &long)), "line 8: the number is longer than 1024 characters");
     let header = "ply\nformat binary_big_endian 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
     let values = bytes(&[('f', 0.0), ('f', 0.0), ('f', 0.0), ('f', 0.0), ('f', f64::INFINITY), ('f', 0.0)], true);
-    let message = format!("byte {} must be finite coordinates; found [0, inf, 0]", header.len() + 12);
+    let message = format!("byte {}: expected finite coordinates, found [0, inf, 0]", header.len() + 12);
     assert_eq!(fault([header.as_bytes(), &values].concat()), message);
 }
 
@@ -378,7 +381,7 @@ fn lines_may_end_in_cr_alone() {
     let text = head("ascii") + "0 0 0\r1 0 0\r0 1 0\r3 0 1 2\r";
     assert_eq!(triangles(&seen(text.as_bytes())), [corners]);
     let wrong = text.replace("3 0 1 2", "3 0 1 9");
-    assert_eq!(fault(wrong), "line 13 must be a vertex index of at least 0 and below 3; found 9");
+    assert_eq!(fault(wrong), "line 13: expected a vertex index of at least 0 and below 3, found 9");
     let mut binary = head("binary_little_endian").into_bytes();
     binary.extend(corners.iter().flatten().flat_map(|&value| (value as f32).to_le_bytes()));
     binary.push(3);

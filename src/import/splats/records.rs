@@ -70,9 +70,9 @@ mod tests {
     #[test]
     fn hostile_records_are_named() {
         let fault = |bytes: &[u8]| seen_with(bytes, &ReadOptions::default(), read).unwrap_err().to_string();
-        assert_eq!(fault(&[0; 33]), "the file must be records of 32 bytes; found 33 bytes");
+        assert_eq!(fault(&[0; 33]), "the file: expected records of 32 bytes, found 33 bytes");
         let bytes = [record([1.0; 3], 255), record([f32::NAN, 0.0, 0.0], 255)].concat();
-        assert_eq!(fault(&bytes), "byte 32 must be finite coordinates; found [NaN, 0, 0]");
+        assert_eq!(fault(&bytes), "byte 32: expected finite coordinates, found [NaN, 0, 0]");
         let mut endless = record([1.0; 3], 255);
         endless[12..16].copy_from_slice(&f32::INFINITY.to_le_bytes());
         endless[16..20].copy_from_slice(&f32::NAN.to_le_bytes());

@@ -272,16 +272,16 @@ mod tests {
         };
         let message = "byte 0: it begins with neither NGSP nor the mark of gzip, as SPZ files do";
         assert_eq!(fault(b"PK"), message);
-        assert_eq!(fault(b"NGSP"), "byte 0 must be 32 bytes of an SPZ header; found 4 bytes");
+        assert_eq!(fault(b"NGSP"), "byte 0: expected 32 bytes of an SPZ header, found 4 bytes");
         let message = "SPZ of version 5 is not supported: write it as version 3 or 4, or as PLY";
-        assert_eq!(fault(&changed(0, 0)), "the header must be NGSP; found [00, 00, 00, 00]");
+        assert_eq!(fault(&changed(0, 0)), "the header: expected NGSP, found [00, 00, 00, 00]");
         assert_eq!(fault(&changed(4, 5)), message);
         assert_eq!(fault(&changed(8, u32::MAX)), "splats: at most 10000000 are read, found 4294967295");
-        assert_eq!(fault(&changed(8, 3)), "the colors must be 9 bytes; found 8 bytes");
+        assert_eq!(fault(&changed(8, 3)), "the colors: expected 9 bytes, found 8 bytes");
         let many = changed(8, 9_999_999);
         let message = format!("the header: 9999999 splats do not fit into a file of {} bytes", many.len());
         assert_eq!(fault(&many), message);
-        assert_eq!(fault(&changed(12, 0xff00)), "the header must be at most 23 bits after the point; found 255");
+        assert_eq!(fault(&changed(12, 0xff00)), "the header: expected at most 23 bits after the point, found 255");
         let mut short = gzip(&file(2));
         short.truncate(30);
         assert!(fault(&short).starts_with("the "), "{}", fault(&short));
@@ -301,9 +301,9 @@ mod tests {
         };
         assert_eq!(fault(4, 5), "SPZ of version 5 is not supported: write it as version 3 or 4, or as PLY");
         assert_eq!(fault(10, 255), "splats: at most 10000000 are read, found 16711682");
-        assert_eq!(fault(8, 3), "the centers must be 27 bytes; found 18 bytes");
-        assert_eq!(fault(15, 4), "the header must be at least 5 arrays after byte 31; found 4 at byte 44");
-        assert_eq!(fault(16, 31), "the header must be at least 5 arrays after byte 31; found 5 at byte 31");
+        assert_eq!(fault(8, 3), "the centers: expected 27 bytes, found 18 bytes");
+        assert_eq!(fault(15, 4), "the header: expected at least 5 arrays after byte 31, found 4 at byte 44");
+        assert_eq!(fault(16, 31), "the header: expected at least 5 arrays after byte 31, found 5 at byte 31");
         assert_eq!(
             fault(15, 255).split(", found").next().unwrap(),
             "byte 44: expected 4080 bytes of the lengths of the arrays"

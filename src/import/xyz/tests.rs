@@ -82,7 +82,7 @@ fn points_of_little_confidence_are_left_out() {
     let options = ReadOptions { min_confidence: 0.5, ..ReadOptions::default() };
     let seen = seen_with(b"x,y,z,conf\n1,2,3,0.4\n4,5,6,0.5\n", &options, read).unwrap();
     assert_eq!(seen.positions(), [[4.0, 5.0, 6.0]]);
-    assert_eq!(error(b"x,y,z,conf\n1,2,3,nan\n"), "line 2 must be a confidence that is a number; found NaN");
+    assert_eq!(error(b"x,y,z,conf\n1,2,3,nan\n"), "line 2: expected a confidence that is a number, found NaN");
 }
 
 #[test]
@@ -90,20 +90,20 @@ fn hostile_lines_are_named() {
     for (text, expected) in [
         (&b""[..], "the file: it has no lines of numbers"),
         (b"# nothing\n\n", "the file: it has no lines of numbers"),
-        (b"1 2 3\n1 2\n", "line 2 must be 3 columns, as in line 1; found 2"),
-        (b"1 2 3\n1 2 3 4\n", "line 2 must be 3 columns, as in line 1; found 4"),
-        (b"1 2\n", "line 1 must be at least 3 columns; found 2"),
-        (b"x y z\n1 2\n", "line 2 must be at least 3 columns; found 2"),
-        (b"1 2 x\n", "line 1 must be a number; found \"x\""),
-        (b"1 2 \xff\n", "line 1 must be a number; found bytes that are not UTF-8"),
-        (b"1 2 3\nnan 2 3\n", "line 2 must be finite coordinates; found [NaN, 2, 3]"),
-        (b"1 inf 3\n", "line 1 must be finite coordinates; found [1, inf, 3]"),
-        (b"1 1e999 3\n", "line 1 must be finite coordinates; found [1, inf, 3]"),
+        (b"1 2 3\n1 2\n", "line 2: expected 3 columns, as in line 1, found 2"),
+        (b"1 2 3\n1 2 3 4\n", "line 2: expected 3 columns, as in line 1, found 4"),
+        (b"1 2\n", "line 1: expected at least 3 columns, found 2"),
+        (b"x y z\n1 2\n", "line 2: expected at least 3 columns, found 2"),
+        (b"1 2 x\n", "line 1: expected a number, found \"x\""),
+        (b"1 2 \xff\n", "line 1: expected a number, found bytes that are not UTF-8"),
+        (b"1 2 3\nnan 2 3\n", "line 2: expected finite coordinates, found [NaN, 2, 3]"),
+        (b"1 inf 3\n", "line 1: expected finite coordinates, found [1, inf, 3]"),
+        (b"1 1e999 3\n", "line 1: expected finite coordinates, found [1, inf, 3]"),
         (b"1,5;2;3\n", "line 1: a decimal comma is not supported: write numbers with a decimal point"),
-        (b"a b c\n1 2 3\n", "line 1 must be numbers, or the names of columns with x, y and z; found \"a b c\""),
-        (b"x y z\nx y z\n", "line 2 must be a number; found \"x\""),
-        (b"3\n1 2 3\n", "line 2 must be 3 points, as declared in the first line; found 1"),
-        (b"99999999999999999999\n", "line 1 must be a number of points; found \"99999999999999999999\""),
+        (b"a b c\n1 2 3\n", "line 1: expected numbers, or the names of columns with x, y and z, found \"a b c\""),
+        (b"x y z\nx y z\n", "line 2: expected a number, found \"x\""),
+        (b"3\n1 2 3\n", "line 2: expected 3 points, as declared in the first line, found 1"),
+        (b"99999999999999999999\n", "line 1: expected a number of points, found \"99999999999999999999\""),
         (b"\xff\xfe1\0", "text in UTF-16 is not supported: save it as UTF-8"),
     ] {
         assert_eq!(error(text), expected);
@@ -124,6 +124,6 @@ fn normals_and_colors_are_those_that_the_format_names() {
     assert_eq!(of("1 2 3 1 0 0\n", read_normals).unwrap().points[0].color, None);
     assert_eq!(of("1 2 3 1 0 0.5\n", read_colors).unwrap().points[0].color, Some([255, 0, 128]));
     assert_eq!(of("1 2 3 255 0 7\n", read_colors).unwrap().points[0].color, Some([255, 0, 7]));
-    assert_eq!(of("1 2 3\n", read_colors).unwrap_err().to_string(), "line 1 must be at least 6 columns; found 3");
-    assert_eq!(of("x y z\n", read_normals).unwrap_err().to_string(), "line 1 must be a number; found \"x\"");
+    assert_eq!(of("1 2 3\n", read_colors).unwrap_err().to_string(), "line 1: expected at least 6 columns, found 3");
+    assert_eq!(of("x y z\n", read_normals).unwrap_err().to_string(), "line 1: expected a number, found \"x\"");
 }

@@ -90,17 +90,25 @@ fn draco_streams_must_agree_with_the_accessors() {
     assert_eq!(read(&changed(file, |_| ())).unwrap().triangles.len(), 652);
     let extension = "/meshes/0/primitives/0/extensions/KHR_draco_mesh_compression";
     let cases = [
-        ("/accessors/0/count".into(), json!(957), "accessor 0 must be the 960 indices of its Draco stream; found 957"),
-        ("/accessors/1/count".into(), json!(163), "accessor 1 must be the 162 elements of its Draco stream; found 163"),
+        (
+            "/accessors/0/count".into(),
+            json!(957),
+            "accessor 0: expected the 960 indices of its Draco stream, found 957",
+        ),
+        (
+            "/accessors/1/count".into(),
+            json!(163),
+            "accessor 1: expected the 162 elements of its Draco stream, found 163",
+        ),
         (
             "/accessors/1/type".into(),
             json!("VEC4"),
-            "accessor 1 must be 3 of F32 as in its Draco stream; found 4 of F32",
+            "accessor 1: expected 3 of F32 as in its Draco stream, found 4 of F32",
         ),
         (
             "/accessors/2/componentType".into(),
             json!(5123),
-            "accessor 2 must be 4 of U8 as in its Draco stream; found 4 of U16",
+            "accessor 2: expected 4 of U8 as in its Draco stream, found 4 of U16",
         ),
         (
             format!("{extension}/attributes/POSITION"),
@@ -136,14 +144,14 @@ fn meshopt_views_must_agree_with_their_streams() {
     let field = |field: &str| format!("{extension}/{field}");
     let invalid = "buffer view 0: the meshopt compression is invalid: ";
     let cases = [
-        (field("count"), json!(187), format!("buffer view 0 must be 1488 bytes in {name}; found 187 elements of 8 bytes")),
-        (field("byteStride"), json!(4), format!("buffer view 0 must be 1488 bytes in {name}; found 186 elements of 4 bytes")),
+        (field("count"), json!(187), format!("buffer view 0: expected 1488 bytes in {name}, found 187 elements of 8 bytes")),
+        (field("byteStride"), json!(4), format!("buffer view 0: expected 1488 bytes in {name}, found 186 elements of 4 bytes")),
         (field("buffer"), json!(9), "the JSON: buffer 9 is missing: there are 2".into()),
         (field("buffer"), json!(1), "buffer 1: it has no URI, and there is no chunk BIN for it".into()),
         (
             field("byteOffset"),
             json!(1_u64 << 40),
-            "buffer view 0 must be a range within the 1952 bytes of its buffer; found 973 bytes from byte 1099511627776 on"
+            "buffer view 0: expected a range within the 1952 bytes of its buffer, found 973 bytes from byte 1099511627776 on"
                 .into(),
         ),
         (field("byteLength"), json!(900), format!("{invalid}invalid encoded stream")),
@@ -184,7 +192,7 @@ fn sequences_of_indices_are_decompressed() {
         ])
     };
     assert_eq!(corners(&seen(&sequence(&[0, 1, 2, 2, 1, 3]))), QUAD);
-    assert_eq!(fault(&sequence(&[0, 1, 2, 2, 1, 4])), "primitive 0 of mesh 0 must be an index below 4; found 4");
+    assert_eq!(fault(&sequence(&[0, 1, 2, 2, 1, 4])), "primitive 0 of mesh 0: expected an index below 4, found 4");
 }
 
 /// A few thousand changed bytes, and shorter streams.
