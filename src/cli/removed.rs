@@ -26,11 +26,23 @@ const fn of_training(name: &'static str, instead: &'static str) -> Removed {
 }
 
 /// Everything that was removed, and what replaces it.
-const REMOVED: [Removed; 36] = [
+const REMOVED: [Removed; 48] = [
     everywhere("--components", "strivec shrink makes a scene of fewer parameters that looks better"),
     everywhere("--density-cache", "--step-scale, --min-weight and --min-transmittance save more time and cost less"),
     everywhere("--scales", "strivec-pack crop --scales writes a file of the coarsest scales"),
     everywhere("--top-k", "--step-scale, --min-weight and --min-transmittance save more time and cost less"),
+    everywhere("grow", "train with more parameters and `strivec shrink`, or give `train --max-params`"),
+    everywhere("growth", "`strivec bench train` and `strivec bench render` print the time of each stage"),
+    everywhere("paper", "tools/measure/paper.py makes the paper's tables and figures"),
+    everywhere("peak", "`strivec bench against PROGRAM` compares two builds by turns"),
+    everywhere("placement", "`strivec bench files` and `strivec bench render` remain"),
+    everywhere("query", "`cargo bench --bench kernels` measures the density at points"),
+    everywhere("tensorf-cp", "use `--config docs/configs/tensorf-cp.toml`"),
+    everywhere("tensorf-vm", "use `--config docs/configs/tensorf-vm.toml`"),
+    everywhere("vm-cloud-6", "use `--config docs/configs/vm-cloud-6.toml`"),
+    everywhere("vm-cloud-12", "use `--config docs/configs/vm-cloud-12.toml`"),
+    everywhere("--lpips", "write pictures with `--sheets DIR`, then run tools/lpips/measure.py on them"),
+    everywhere("--lpips-weights", "write pictures with `--sheets DIR`, then run tools/lpips/measure.py on them"),
     everywhere("cpu-f64", "cpu shows the same picture; reference computes it in 64 bits"),
     of_training("--batch", "use `--set sampling.batch_rays=N`"),
     of_training("--background", "use `--set photographs.background=[0,0,0]`"),

@@ -7,6 +7,7 @@
 
 mod cells;
 mod compact;
+mod compiled;
 mod decoder;
 mod decoder_weights;
 mod density;
@@ -30,6 +31,7 @@ mod vector;
 
 pub use cells::OccupancyCells;
 pub use compact::{Roulette, ShadedSamples};
+pub use compiled::Compiled;
 pub use decoder::Activations;
 pub use decoder_weights::{Dense, FieldDecoder};
 pub use factors::Holding;

@@ -24,6 +24,11 @@ impl<T: Real> Field<T> {
     /// Writes to \[point\] `densities` the densities σ (spec 4.5) at the points `point(0)`, `point(1)`, …, in model space: 0 where no
     /// sample counts, outside the bounds, the tensors or the occupied cells. On all threads.
     pub fn densities(&self, point: impl Fn(usize) -> DVec3 + Sync, densities: &mut [T]) {
+        T::densities(self, &point, densities);
+    }
+
+    #[inline(always)]
+    pub(super) fn densities_inlined(&self, point: &(dyn Fn(usize) -> DVec3 + Sync), densities: &mut [T]) {
         self.at_points(
             point,
             1,
@@ -41,6 +46,11 @@ impl<T: Real> Field<T> {
     /// Writes to \[point\]\[P\] `appearances` the appearance features (spec 4.6) at the points `point(0)`, `point(1)`, …, in model
     /// space: zeros where no sample counts. On all threads.
     pub fn appearances(&self, point: impl Fn(usize) -> DVec3 + Sync, appearances: &mut [T]) {
+        T::appearances(self, &point, appearances);
+    }
+
+    #[inline(always)]
+    pub(super) fn appearances_inlined(&self, point: &(dyn Fn(usize) -> DVec3 + Sync), appearances: &mut [T]) {
         let width = self.decoder.features;
         self.at_points(
             point,

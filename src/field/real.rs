@@ -5,11 +5,21 @@ use std::iter::Sum;
 
 use pulp::Simd;
 
-use super::Vector;
+use super::{Compiled, Vector};
 
 /// f32 or f64.
 pub trait Real:
-    Vector + num_traits::Float + num_traits::NumAssign + bytemuck::Pod + Debug + Default + Send + Sync + Sum + 'static
+    Compiled
+    + Vector
+    + num_traits::Float
+    + num_traits::NumAssign
+    + bytemuck::Pod
+    + Debug
+    + Default
+    + Send
+    + Sync
+    + Sum
+    + 'static
 {
     /// `v`, rounded to the nearest.
     fn of(v: f64) -> Self;
@@ -37,6 +47,7 @@ pub trait Real:
     fn ln_1p_of_unit(self) -> Self;
 }
 
+#[cfg(any(test, feature = "f64"))]
 impl Real for f64 {
     #[inline(always)]
     fn of(v: f64) -> Self {

@@ -114,6 +114,11 @@ impl<T: Real> CpuRenderer<T> {
 
     /// The pixels of `rays`, as [`Renderer::trace`] returns them, with sample counts and, if `has_normals`, normals.
     pub fn trace_info(&self, rays: &[Ray], has_normals: bool) -> Vec<TraceInfo> {
+        T::trace_info(self, rays, has_normals)
+    }
+
+    #[inline(always)]
+    pub(crate) fn trace_info_inlined(&self, rays: &[Ray], has_normals: bool) -> Vec<TraceInfo> {
         map_chunks(
             rays,
             #[inline(always)]
@@ -128,6 +133,19 @@ impl<T: Real> CpuRenderer<T> {
                     }
                 }
                 infos
+            },
+        )
+    }
+
+    #[inline(always)]
+    pub(crate) fn trace_inlined(&self, rays: &[Ray]) -> Vec<Pixel> {
+        map_chunks(
+            rays,
+            #[inline(always)]
+            |chunk, scratch| {
+                let mut pixels = Vec::with_capacity(chunk.len());
+                self.trace_chunk(chunk, scratch, |pixel| pixels.push(pixel));
+                pixels
             },
         )
     }
@@ -232,6 +250,11 @@ impl<T: Real> CpuRenderer<T> {
 
     /// Renders like [`Renderer::render`], and returns time and counts by stage as well.
     pub fn render_with_work(&self, camera: &Camera) -> (Picture, Work) {
+        T::render(self, camera)
+    }
+
+    #[inline(always)]
+    pub(crate) fn render_inlined(&self, camera: &Camera) -> (Picture, Work) {
         let (width, height) = (camera.width, camera.height);
         let mut pixels = vec![Pixel::default(); width as usize * height as usize];
         let pool = Pool::<TileScratch<T>>::default();
@@ -275,15 +298,7 @@ impl<T: Real> CpuRenderer<T> {
 
 impl<T: Real> Renderer for CpuRenderer<T> {
     fn trace(&self, rays: &[Ray]) -> Vec<Pixel> {
-        map_chunks(
-            rays,
-            #[inline(always)]
-            |chunk, scratch| {
-                let mut pixels = Vec::with_capacity(chunk.len());
-                self.trace_chunk(chunk, scratch, |pixel| pixels.push(pixel));
-                pixels
-            },
-        )
+        T::trace(self, rays)
     }
 
     fn background(&self) -> [f32; 3] {
