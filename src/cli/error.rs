@@ -318,7 +318,7 @@ mod tests {
     #[test]
     fn options_become_flags() {
         let invalid = |option| Invalid::new(Place::option(option), "at least 1", 0);
-        assert_eq!(with_flags(&invalid("batch_rays")), "--batch must be at least 1; found 0");
+        assert_eq!(with_flags(&invalid("budget")), "--max-params or --max-size must be at least 1; found 0");
         assert_eq!(with_flags(&invalid("min_points")), "--min-points must be at least 1; found 0");
         assert_eq!(with_flags(&invalid("top_k")), "`top_k` must be at least 1; found 0", "training has no such flag");
         let remedy = with_flags(&prior::Remedy::FewerCells);

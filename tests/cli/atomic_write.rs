@@ -56,7 +56,11 @@ fn kill_while_saving(path: &Path, naive: bool) -> Vec<Option<u64>> {
         .map(|_| {
             fs::write(path, version(0)).unwrap();
             let mut command = Command::new(std::env::current_exe().unwrap());
-            command.args(["--exact", "saver"]).env(DESTINATION, path).stdout(Stdio::null()).stderr(Stdio::null());
+            command
+                .args(["--exact", "atomic_write::saver"])
+                .env(DESTINATION, path)
+                .stdout(Stdio::null())
+                .stderr(Stdio::null());
             if naive {
                 command.env(NAIVE, "1");
             }
@@ -103,7 +107,7 @@ fn a_full_disk_leaves_the_old_file() {
     fs::write(&path, "old").unwrap();
     // A limit on the size of files stands in for the end of the disk; its signal must not end the process.
     let status = Command::new("sh")
-        .args(["-c", "ulimit -f 64; trap '' XFSZ; exec \"$0\" --exact limited_saver"])
+        .args(["-c", "ulimit -f 64; trap '' XFSZ; exec \"$0\" --exact atomic_write::limited_saver"])
         .arg(std::env::current_exe().unwrap())
         .env("STRIVEC_TEST_LIMITED", &path)
         .stdout(Stdio::null())

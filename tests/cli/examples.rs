@@ -53,7 +53,9 @@ fn render_picture_writes_a_png() {
 /// Settings for seconds.
 const SETTINGS: &str = "
 preset = \"fast\"
+[sampling]
 batch_rays = 128
+[schedule]
 upsample_at = [40]
 occupancy_at = [40, 80]
 steps = 100

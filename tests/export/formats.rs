@@ -375,9 +375,9 @@ fn wrong_settings_and_empty_surfaces_are_named() {
     let scene = scene();
     let failed = |options: SurfaceOptions| surface(&scene, &options, &|_, _| {}).unwrap_err().to_string();
     let resolution = failed(SurfaceOptions { resolution: 1, ..options() });
-    assert_eq!(resolution, "`resolution` is 1; expected 2 to 2048");
+    assert_eq!(resolution, "`resolution` must be 2 to 2048; found 1");
     let alpha = failed(SurfaceOptions { alpha: 1.0, ..options() });
-    assert_eq!(alpha, "`alpha` is 1; expected a number between 0 and 1");
+    assert_eq!(alpha, "`alpha` must be a number between 0 and 1; found 1");
     let none = surface(&scene, &SurfaceOptions { alpha: 1.0 - 1e-15, ..options() }, &|_, _| {});
     assert!(matches!(none, Err(Error::Empty { .. })), "{none:?}");
 }

@@ -152,7 +152,7 @@ mod tests {
         let tree = SparseVoxelTree::new(&boxes);
         let camera = Camera::looking_at([2, 2], 2.0, DVec3::ZERO, DVec3::X, DVec3::Z);
         let error = overlay(&tree, &boxes, Shading::Distance([0.0, 1.0]), &camera, &[[0.0; 3]; 3]).unwrap_err();
-        assert_eq!(error.to_string(), "`photograph` must be one color for each pixel of the camera, found 3");
+        assert_eq!(error.to_string(), "`photograph` must be one color for each pixel of the camera; found 3");
         let error = overlay(&tree, &boxes, Shading::Cells(&[]), &camera, &[[0.0; 3]; 4]).unwrap_err();
         assert_eq!(error.to_string(), "`colors` must be one color for each cell, found 0");
     }

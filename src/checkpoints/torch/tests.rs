@@ -8,7 +8,7 @@ use super::pickle::Pickle;
 use super::read;
 use strivec_format::geometry::Aabb;
 use strivec_import::testing::{Seen, seen_with};
-use strivec_import::{Fault, ReadOptions, read as read_path};
+use strivec_import::{Fault, Input, ReadOptions};
 
 #[path = "../../../tests/data/mod.rs"]
 mod data;
@@ -64,7 +64,7 @@ fn real_tensorf_checkpoints_are_read() {
         ("lego200_cp384_iter346.th", 191647, DVec3::splat(-1.5), [128.0; 3]),
     ] {
         let mut seen = Seen::default();
-        read_path(&folder.join(name), &ReadOptions::default(), &mut seen).unwrap();
+        read(&mut Input::open(&folder.join(name)).unwrap(), &ReadOptions::default(), &mut seen).unwrap();
         assert_eq!(seen.cells.len(), count, "{name}");
         let bounds = seen.cells.iter().fold(Aabb::EMPTY, |bounds, cell| bounds.union(cell));
         let pitch = seen.cells[0].size();

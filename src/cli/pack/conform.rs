@@ -60,8 +60,7 @@ struct ScaleNumbers {
     ranks: [u32; 2],
     /// Checksum of the f64 centers, tensor after tensor.
     centers: u32,
-    /// Checksum of the f32 density factors, \[block\]\[tensor\]\[row\]\[component\], 0 for components that are not
-    /// stored.
+    /// Checksum of the f32 density factors, `[block][tensor][row][component]`, 0 for components that are not stored.
     density: u32,
     /// Checksum of the appearance factors, laid out alike.
     appearance: u32,
