@@ -74,7 +74,7 @@ fn configuration(preset: Option<Preset>, path: Option<&Path>) -> Result<TrainCon
 pub(super) fn with_assignments(config: TrainConfig, assignments: &[String]) -> Result<TrainConfig, Error> {
     config
         .with_assignments(assignments)
-        .map_err(|error| Error::Usage(format!("--set: {}", error.to_string().trim_end())))
+        .map_err(|error| Error::Usage(format!("--set: {}", error.to_string().trim_end().replace('\n', " "))))
 }
 
 /// The error of the file `path`; the message about TOML has further lines that show the place.

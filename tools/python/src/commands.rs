@@ -52,6 +52,20 @@ pub(crate) fn settings_of_toml(toml: &str, preset: Option<&str>) -> PyResult<Str
 /// The TOML of settings in JSON, which need not be complete: those of `preset` take the place of what is missing.
 #[pyfunction]
 pub(crate) fn toml_of_settings(json: &str) -> PyResult<String> {
-    let config: TrainConfig = serde_json::from_str(json).map_err(|e| Failure::usage(format!("settings: {e}")))?;
+    let invalid = |e: &dyn std::fmt::Display| Failure::usage(format!("settings: {e}"));
+    let mut settings: serde_json::Value = serde_json::from_str(json).map_err(|e| invalid(&e))?;
+    remove_nulls(&mut settings);
+    let text = toml::to_string(&settings).map_err(|e| invalid(&e))?;
+    let config = TrainConfig::from_toml(&text, None).map_err(|e| invalid(&e))?;
     Ok(config.to_toml())
+}
+
+/// Removes keys without a value, which TOML cannot express.
+fn remove_nulls(value: &mut serde_json::Value) {
+    if let serde_json::Value::Object(table) = value {
+        table.retain(|_, value| !value.is_null());
+        table.values_mut().for_each(remove_nulls);
+    } else if let serde_json::Value::Array(values) = value {
+        values.iter_mut().for_each(remove_nulls);
+    }
 }

@@ -160,7 +160,6 @@ impl Request {
     /// The recipe for the scene file `output`.
     fn recipe(self, output: &std::path::Path) -> Result<Recipe, Failure> {
         let mut config = self.settings;
-        config.refine_poses |= config.refine_focal_length;
         if let Some(steps) = self.steps {
             config = config.with_steps(steps);
         }
