@@ -101,7 +101,7 @@ enum Command {
     /// Write a scene as a mesh, points, splats or a grid for other programs
     Export(export::Args),
     /// Turn meshes, point clouds, grids and octrees into a prior (occupied cells)
-    Prior(prior::Args),
+    Prior(Box<prior::Args>),
     /// Turn a checkpoint of TensoRF into a scene
     Import(import::Args),
     /// Print what was understood of a dataset

@@ -111,9 +111,12 @@ impl From<&String> for Place {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct OptionName<'a>(pub &'a str);
 
+/// The name of an option, if a program has its own.
+type Names = fn(&str) -> Option<String>;
+
 thread_local! {
-    /// The names of options in messages of this thread, if a program has its own.
-    static NAMES: Cell<Option<fn(&str) -> Option<String>>> = const { Cell::new(None) };
+    /// The names of options in messages of this thread.
+    static NAMES: Cell<Option<Names>> = const { Cell::new(None) };
 }
 
 impl fmt::Display for OptionName<'_> {
@@ -140,7 +143,7 @@ impl fmt::Display for OptionName<'_> {
 /// let message = named_by(flag, &format_args!("the key `voxel` is missing; set {}", OptionName("voxel")));
 /// assert_eq!(message, "the key `voxel` is missing; set --voxel");
 /// ```
-pub fn named_by(names: fn(&str) -> Option<String>, message: &dyn fmt::Display) -> String {
+pub fn named_by(names: Names, message: &dyn fmt::Display) -> String {
     let before = NAMES.replace(Some(names));
     let text = message.to_string();
     NAMES.set(before);

@@ -71,7 +71,7 @@ impl Scene {
     /// assert_eq!(scene.check(), Ok(()));
     ///
     /// scene.scales[0].top_k = 0;
-    /// assert_eq!(scene.check().unwrap_err().place, "scale 0 top_k");
+    /// assert_eq!(scene.check().unwrap_err().place.to_string(), "scale 0 top_k");
     /// # Ok::<(), strivec_format::container::Error>(())
     /// ```
     pub fn check(&self) -> Result<(), Invalid> {

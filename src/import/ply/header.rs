@@ -179,7 +179,7 @@ impl PlyHeader {
             Fault::unless_within("lines of a header", MAX_LINES, lines)?;
             let line = String::from_utf8_lossy(&bytes);
             let words: Vec<&str> = line.split_ascii_whitespace().take(6).collect();
-            let wrong = |expected: &str| Fault::malformed(Place::Line(lines as u64), expected, excerpt(&bytes));
+            let wrong = |expected: &str| Fault::malformed(Place::Line(lines), expected, excerpt(&bytes));
             if lines == 1 {
                 if words != ["ply"] {
                     return Err(wrong("ply"));

@@ -18,6 +18,8 @@
 //!
 //! let mut config = TrainConfig::preset("fast")?.with_steps(20);
 //! config.sampling.batch_rays = 64;
+//! // After so few steps no place is occupied.
+//! config.schedule.occupancy_at.clear();
 //! let files = vec![folder.join("mesh.ply")];
 //! let recipe = Recipe { prior: Prior::Files { files, options: Default::default() }, ..Recipe::new(config) };
 //! let trained = recipe.train_folder(&folder, &Photographs::default(), &mut ())?;
