@@ -379,5 +379,5 @@ fn wrong_settings_and_empty_surfaces_are_named() {
     let alpha = failed(SurfaceOptions { alpha: 1.0, ..options() });
     assert_eq!(alpha, "`alpha` must be a number between 0 and 1; found 1");
     let none = surface(&scene, &SurfaceOptions { alpha: 1.0 - 1e-15, ..options() }, &|_, _| {});
-    assert!(matches!(none, Err(Error::Empty { .. })), "{none:?}");
+    assert!(matches!(none, Err(Error::NoSurface { .. })), "{none:?}");
 }

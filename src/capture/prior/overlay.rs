@@ -154,6 +154,6 @@ mod tests {
         let error = overlay(&tree, &boxes, Shading::Distance([0.0, 1.0]), &camera, &[[0.0; 3]; 3]).unwrap_err();
         assert_eq!(error.to_string(), "`photograph` must be one color for each pixel of the camera; found 3");
         let error = overlay(&tree, &boxes, Shading::Cells(&[]), &camera, &[[0.0; 3]; 4]).unwrap_err();
-        assert_eq!(error.to_string(), "`colors` must be one color for each cell, found 0");
+        assert_eq!(error.to_string(), "`colors` must be one color for each cell; found 0");
     }
 }
