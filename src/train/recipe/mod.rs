@@ -18,10 +18,11 @@
 //!
 //! let mut config = TrainConfig::preset("fast")?.with_steps(20);
 //! config.sampling.batch_rays = 64;
-//! // After so few steps no place is occupied.
+//! // After so few steps hardly anything is seen yet.
 //! config.schedule.occupancy_at.clear();
 //! let files = vec![folder.join("mesh.ply")];
-//! let recipe = Recipe { prior: Prior::Files { files, options: Default::default() }, ..Recipe::new(config) };
+//! let prior = Prior::Files { files, options: Default::default() };
+//! let recipe = Recipe { prior, keep_dead: true, ..Recipe::new(config) };
 //! let trained = recipe.train_folder(&folder, &Photographs::default(), &mut ())?;
 //!
 //! assert_eq!(trained.steps, 20);
