@@ -45,7 +45,7 @@ def batch_of(folders, output, steps):
     scenes = "".join(f'[[scene]]\nname = "{path.name}"\ndataset = "{path}"\n{prior(path)}' for path in [*folders, broken])
     text = f"""
 output = "{output}"
-defaults.train = {{ preset = "preview", steps = {steps}, batch = 256, checkpoint_every = {max(steps // 8, 1)} }}
+defaults.train = {{ preset = "preview", steps = {steps}, set = ["sampling.batch_rays=256"], checkpoint_every = {max(steps // 8, 1)} }}
 defaults.pack = {{ lossless = true, no_prefixes = true }}
 defaults.evaluate = {{ split = "test" }}
 {scenes}"""
