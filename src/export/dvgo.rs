@@ -86,7 +86,7 @@ impl DvgoGrid {
     }
 }
 
-/// The content of a DVGO checkpoint of `scene`, which must have passed [`Scene::check`], for [`super::write_checkpoint`]: a
+/// The content of a DVGO checkpoint of `scene`, which must have passed [`Scene::check`], for [`strivec_checkpoints::write_checkpoint`]: a
 /// `DirectVoxGO` model with a dense density grid and a dense grid of three colors, without a network. Of an unbounded scene
 /// it holds the inner cube. `progress` receives the number of layers that are sampled, and of all.
 ///

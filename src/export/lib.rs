@@ -1,5 +1,4 @@
-//! A scene as other programs' files: meshes, point clouds, splats, grids, arrays and checkpoints; and checkpoints of TensoRF
-//! ([`tensorf`]) and of the Strivec authors' program ([`authors`]) as scenes.
+//! A scene as other programs' files: meshes, point clouds, splats, grids and arrays, and a checkpoint of DVGO.
 //!
 //! In: a [`strivec_format::model::Scene`]. Out: a [`Mesh`] of its surface, and writers of bytes. Coordinates are in the space of the
 //! dataset's cameras or in model space ([`Space`]). The field is queried at points alone, so nothing here depends on how

@@ -182,7 +182,7 @@ impl<T: Real> FieldFactors<T> {
         Self::without(holding, block, resolution, |_, _| false)
     }
 
-    /// Holds components like [`FieldFactors::new`]; those for which `is_zero`(tensor, component) count as zero.
+    /// Holds components like `FieldFactors::new`; those for which `is_zero`(tensor, component) count as zero.
     pub fn without(
         holding: Holding,
         block: &Block,

@@ -1,5 +1,4 @@
-//! Quality of pictures: PSNR, SSIM, reports, and PNG files of pictures and their errors. Speed of rendering and
-//! training: [`mod@bench`].
+//! Quality of pictures: PSNR, SSIM, reports, and PNG files of pictures and their errors.
 //!
 //! In: colors as \[height\]\[width\], row-major from the top left, sRGB in \[0, 1\], each picture with its size as
 //! \[columns, rows\]. Out: numbers, and the bytes of PNG files. No file is opened and nothing is printed here.

@@ -13,7 +13,7 @@ const MAX_TEXT_BYTES: u64 = 1 << 20;
 /// Endings of pictures, in lower case.
 pub const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "webp", "tif", "tiff"];
 
-/// The bytes of a regular file of at most [`MAX_FILE_BYTES`].
+/// The bytes of a regular file of at most `MAX_FILE_BYTES`.
 pub fn read(path: &Path) -> Result<Vec<u8>, Error> {
     read_at_most(path, MAX_FILE_BYTES)
 }

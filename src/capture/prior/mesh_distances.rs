@@ -21,7 +21,7 @@ const EDGE: f32 = 0.1;
 ///
 /// # Errors
 ///
-/// The errors of [`import::read`].
+/// The errors of [`geometry::read`].
 pub fn mesh_distances(path: &Path, views: &mut [Photograph]) -> Result<Option<f64>, ImportError> {
     let mut mesh = FileTriangles::default();
     geometry::read(path, &ReadOptions::default(), &mut mesh)?;

@@ -45,7 +45,9 @@ impl NativeRenderer {
             let copy = || Scene::clone(&scene);
             let usage = |e: strivec::Invalid| Failure::usage(format!("approximation: {e}"));
             Ok(match backend.as_str() {
-                "cpu" => Drawing::Cpu(Box::new(CpuRenderer::with_approximation(copy(), &approximation).map_err(usage)?)),
+                "cpu" => {
+                    Drawing::Cpu(Box::new(CpuRenderer::with_approximation(copy(), &approximation).map_err(usage)?))
+                }
                 "reference" if approximation.is_exact() => Drawing::Reference(scene),
                 "reference" => return Err(Failure::usage("the reference renders without approximations")),
                 "gpu" => {
