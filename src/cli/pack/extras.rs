@@ -5,7 +5,7 @@ use crate::Error;
 use crate::numbers::in_range;
 use strivec_train::recipe::PackOptions;
 
-/// What a file holds beside its scene, and the effort of measuring.
+/// Contents of a file beside its scene, and the effort of measuring.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct Extras {
     #[command(flatten)]

@@ -100,7 +100,7 @@ impl Preset {
         self.description()[0]
     }
 
-    /// What the preset is for, in one line.
+    /// Purpose of the preset, in one line.
     pub fn purpose(self) -> &'static str {
         self.description()[1]
     }

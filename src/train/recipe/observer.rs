@@ -1,4 +1,4 @@
-//! What a training reports while it runs, and how it is stopped.
+//! Reports of a training while it runs, and the way to stop it.
 
 use std::fmt::Display;
 use std::path::Path;

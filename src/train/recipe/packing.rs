@@ -35,7 +35,7 @@ const SLACK_BYTES: u64 = 1024;
 /// A loss at which scenes lose about as much as in a small file.
 const TYPICAL_LOSS: f64 = 1e-10;
 
-/// What a file holds beside its scene, and the effort of measuring.
+/// Contents of a file beside its scene, and the effort of measuring.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PackOptions {
     /// Compression and chunks.

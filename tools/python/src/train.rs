@@ -21,7 +21,7 @@ use crate::following::{Event, followed};
 /// The time between two reports of a phase.
 const REPORT_EVERY: Duration = Duration::from_millis(200);
 
-/// What `strivec.train` sends, as JSON.
+/// Request of `strivec.train`, as JSON.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Request {
