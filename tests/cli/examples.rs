@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::command;
+
 /// Runs example `name` and returns what it prints.
 fn run(name: &str, arguments: &[&Path]) -> String {
     // target/PROFILE/deps/examples-HASH, target/PROFILE/examples/NAME.
@@ -79,11 +81,7 @@ from = 1.0
 fn train_folder_writes_the_bytes_of_the_command() {
     let temporary = tempfile::tempdir().unwrap();
     let folder = temporary.path();
-    let strivec = |arguments: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_strivec"));
-        let output = command.current_dir(folder).args(arguments).arg("--quiet").output().unwrap();
-        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    };
+    let strivec = |arguments: &[&str]| command::run(folder, &[arguments, &["--quiet"]].concat());
     let settings = folder.join("settings.toml");
     std::fs::write(&settings, SETTINGS).unwrap();
     strivec(&["synth", "object", "--views", "8", "--test-views", "1", "--size", "24x24"]);
