@@ -45,9 +45,9 @@ deny_version=0.20.2
 # Later pyarrow needs NumPy 2, and the PyTorch of Debian 12 NumPy 1.
 python_packages=(
     numpy zstandard python-xlib kaitaistruct==0.11
-    maturin nbclient ipykernel anywidget fsspec "pyarrow<20" ray
+    nbclient ipykernel anywidget fsspec "pyarrow<20" ray
 )
-python_modules=(numpy zstandard Xlib kaitaistruct maturin nbclient ipykernel anywidget fsspec pyarrow ray)
+python_modules=(numpy zstandard Xlib kaitaistruct nbclient ipykernel anywidget fsspec pyarrow ray)
 # The library that the player's window opens at run time, and the package that holds it.
 window_libraries=(
     libX11-xcb.so.1:libx11-xcb1 libXcursor.so.1:libxcursor1 libXi.so.6:libxi6 libxkbcommon-x11.so.0:libxkbcommon-x11-0
@@ -179,7 +179,6 @@ package=$target/python-package
 export CARGO_INCREMENTAL=${CARGO_INCREMENTAL:-0}
 
 step cargo fmt --all --check
-step cargo fmt --check --manifest-path tools/python/Cargo.toml
 # Programs that embed the reader build few packages.
 check_format_packages() {
     local tree=(cargo tree --locked --package strivec-format --edges "normal,build" --prefix none) count
@@ -188,23 +187,33 @@ check_format_packages() {
     ((count <= 30))
 }
 
+# The Python package with the library that was built with the tests; a wheel has the same files.
+assemble_python_package() {
+    local library
+    rm -rf "$package"
+    mkdir -p "$package"
+    cp -r tools/python/strivec "$package"
+    for library in "$build"/lib_strivec.{so,dylib}; do
+        if [[ -f $library ]]; then cp "$library" "$package/strivec/_strivec.abi3.so"; fi
+    done
+}
+
 step "$python" tools/comments.py
 step "$python" tools/texts.py
 # All that is asked of the registry is asked here.
 step cargo fetch --locked
-step cargo fetch --locked --manifest-path tools/python/Cargo.toml
 # The advisories need the network: `cargo deny check` reads them.
 step cargo deny --locked --offline check bans licenses sources
-step cargo deny --locked --offline --manifest-path tools/python/Cargo.toml --config deny.toml check licenses sources
 step check_format_packages
 step cargo clippy --locked --all-targets "${whole[@]}" -- -D warnings
 step cargo clippy --locked -- -D warnings
 step cargo clippy --locked --package strivec-format --all-targets -- -D warnings
-step cargo clippy --locked --manifest-path tools/python/Cargo.toml --target-dir "$target" -- -D warnings
 step cargo doc --locked --no-deps "${whole[@]}"
-# The page is no package. Building the others again would take minutes; the one that stands alone is built.
-step cargo package --workspace --exclude strivec-web --locked --offline --allow-dirty --no-verify
+# The page and the Python library are no packages. Building the others again would take minutes; that of the format is built.
+step cargo package --workspace --exclude strivec-web --exclude strivec-python --locked --offline --allow-dirty --no-verify
 step cargo package --package strivec-format --locked --offline --allow-dirty
+# As `cargo test` does, and the Python library besides.
+step cargo build --locked --profile test --all-targets "${whole[@]}"
 step cargo test --locked "${whole[@]}"
 for renderer in gpu cpu memory; do
     step "$python" tools/player/drive.py "$build/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
@@ -215,8 +224,7 @@ step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/lpips
 step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/measure
 step env PYTHONPATH=format-spec/reader PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover format-spec/reader/tests
 step tools/web/build.sh
-step env CARGO_TARGET_DIR="$target" "$python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation \
-    --upgrade --target "$package" ./tools/python
+step assemble_python_package
 export PYTHONPATH=$package
 step env STRIVEC="$build/strivec" STRIVEC_PACK="$build/strivec-pack" STRIVEC_PYTHON="$python" npm --prefix tools/web test
 step env STRIVEC_ALL_TESTS=1 "$python" -m unittest discover tools/python/tests

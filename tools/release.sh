@@ -81,7 +81,7 @@ notices=$output/THIRD-PARTY-NOTICES.txt
 rm "$notices"
 
 if $wheel; then
-    chosen=(--target "$target" --package strivec-python --manifest-path tools/python/Cargo.toml)
+    chosen=(--target "$target" --package strivec-python)
     "$python" tools/notices.py "${chosen[@]}" --output tools/python/strivec/THIRD-PARTY-NOTICES.txt
     "$python" tools/sbom.py "${chosen[@]}" --output "$output/strivec-python-$version-$target.cdx.json"
     "$python" -m maturin build --locked --release --target "$target" --manifest-path tools/python/Cargo.toml --out "$output"

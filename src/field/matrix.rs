@@ -1,9 +1,11 @@
-//! Dense products through the `gemm` crate. A product of our own reached 0.95 of its speed
-//! (docs/experiments/2026-11-21-step-optimizations.md).
+//! Dense products by the kernels of `gemm`. A product of our own reached 0.95 of their speed
+//! (docs/experiments/2026-11-21-step-optimizations.md). The crate `gemm` itself would compile kernels for complex numbers, too.
 //!
-//! Besides `factors.rs` the only file of the crate with `unsafe` code: `gemm` takes pointers and strides. The views below
+//! Besides `factors.rs` the only file of the crate with `unsafe` code: kernels take pointers and strides. The views below
 //! check every bound before the call.
-#![expect(unsafe_code, reason = "`gemm` takes pointers and strides")]
+#![expect(unsafe_code, reason = "kernels take pointers and strides")]
+
+use gemm_common::Parallelism;
 
 use super::Real;
 
@@ -68,7 +70,32 @@ impl<'a, T> MatrixMut<'a, T> {
     }
 }
 
-/// The most columns that a `gemm` kernel computes at once. A partial group of columns costs as much as a full one.
+/// A kernel for column-major products. In this order: rows, columns and terms; the product with its strides between columns
+/// and between rows, and whether it is added to; the left and the right factor with such strides; the weights of the product
+/// before and of the factors; whether the product and the factors are conjugated; the threads.
+pub(crate) type ProductKernel<T> = unsafe fn(
+    usize,
+    usize,
+    usize,
+    *mut T,
+    isize,
+    isize,
+    bool,
+    *const T,
+    isize,
+    isize,
+    *const T,
+    isize,
+    isize,
+    T,
+    T,
+    bool,
+    bool,
+    bool,
+    Parallelism,
+);
+
+/// The most columns that a kernel computes at once. A partial group of columns costs as much as a full one.
 const COLUMNS_AT_ONCE: usize = 16;
 
 /// The number of terms per element from which on the transposed product plus a copy is faster.
@@ -119,16 +146,22 @@ fn multiply_transposed<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: M
 fn multiply_in_place<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Matrix<T>, accumulate: bool) {
     let fits = left.rows == product.rows && right.columns == product.columns && left.columns == right.rows;
     assert!(fits, "the factors' shapes do not agree with the product's");
+    let (rows, columns) = (product.rows, product.columns);
+    // The kernel wants its product column by column: a product by rows is that of the transposed factors.
+    let (rows, columns, strides, left, right) = match product.row_stride {
+        1 => (rows, columns, [1, 1], left, right),
+        row_stride => (columns, rows, [row_stride, 1], right.transposed(), left.transposed()),
+    };
     // SAFETY: the views' constructors checked that every element that shape and strides reach lies in their slices;
     // the shapes agree (asserted above); `product` is borrowed mutably, so it overlaps neither factor.
     unsafe {
-        gemm::gemm(
-            product.rows,
-            product.columns,
+        T::product_kernel()(
+            rows,
+            columns,
             left.columns,
             product.values.as_mut_ptr(),
-            1,
-            product.row_stride as isize,
+            strides[0] as isize,
+            strides[1] as isize,
             accumulate,
             left.values.as_ptr(),
             left.column_stride as isize,
@@ -142,7 +175,7 @@ fn multiply_in_place<T: Real>(product: MatrixMut<T>, left: Matrix<T>, right: Mat
             false,
             false,
             // Threads work on chunks of rays. One product per thread keeps results independent of their number.
-            gemm::Parallelism::None,
+            Parallelism::None,
         );
     }
 }

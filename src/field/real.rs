@@ -5,6 +5,7 @@ use std::iter::Sum;
 
 use pulp::Simd;
 
+use super::matrix::ProductKernel;
 use super::{Compiled, Vector};
 
 /// f32 or f64.
@@ -45,6 +46,8 @@ pub trait Real:
     fn exp_m1_of_negative(self) -> Self;
     /// ln(1 + x) for x in [0, 1].
     fn ln_1p_of_unit(self) -> Self;
+    /// The kernel of dense products on this processor.
+    fn product_kernel() -> ProductKernel<Self>;
 }
 
 #[cfg(any(test, feature = "f64"))]
@@ -93,6 +96,9 @@ impl Real for f64 {
     #[inline(always)]
     fn ln_1p_of_unit(self) -> Self {
         self.ln_1p()
+    }
+    fn product_kernel() -> ProductKernel<Self> {
+        gemm_f64::gemm::f64::get_gemm_fn()
     }
 }
 
@@ -174,6 +180,9 @@ impl Real for f32 {
         let series = 1.0 / 7.0 + z2 * (1.0 / 9.0 + z2 * (1.0 / 11.0 + z2 * (1.0 / 13.0)));
         let series = z2 * (1.0 / 3.0 + z2 * (1.0 / 5.0 + z2 * series));
         (z + z) + (z + z) * series
+    }
+    fn product_kernel() -> ProductKernel<Self> {
+        gemm_f32::gemm::f32::get_gemm_fn()
     }
 }
 

@@ -4,27 +4,12 @@
 //! batches, in which older rays count less and less. Their mean is the identity, so that the scene has the colors of
 //! the mean photograph.
 
+use super::Exposure;
 use glam::{DMat3, DVec3};
-use serde::{Deserialize, Serialize};
 
 use super::Target;
 use strivec_format::color_map::{ColorFit, ColorMap};
 use strivec_format::psnr::psnr_of_mse;
-
-strivec_format::named! {
-    /// The photographs whose colors are mapped.
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-    #[serde(rename_all = "lowercase")]
-    pub enum Exposure {
-        /// All photographs, if it explains much of the error after a tenth of the steps.
-        #[default]
-        Auto = "auto",
-        /// All photographs.
-        On = "on",
-        /// No photograph.
-        Off = "off",
-    }
-}
 
 /// The share of steps after which colors are mapped, and after which [`Exposure::Auto`] decides.
 const FITTED_FROM: f64 = 0.05;

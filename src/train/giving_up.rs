@@ -30,7 +30,7 @@ impl Trainer<'_> {
 
     /// Gives up what is of the least worth, in `round`: cells of a scale, or components.
     pub(super) fn give_up(&mut self, round: u32) {
-        let lean = self.config.lean.clone();
+        let config = self.config.lean.clone();
         let has_last_resolution = self.config.schedule.upsample_at.iter().all(|&at| at < self.checkpoint.step);
         let resolutions: Vec<[u32; 3]> = (self.field.scales.iter().zip(&self.config.scales))
             .map(|(scale, config)| match config.resolutions.last() {
@@ -40,15 +40,15 @@ impl Trainer<'_> {
             .collect();
         let shared = self.backward.layout.len() as u64;
         let ranking = Ranking::new(&self.field, &self.checkpoint.worth, &resolutions, shared);
-        let allowance = match (lean.max_drop, self.checkpoint.psnr_at_start) {
+        let allowance = match (config.max_drop, self.checkpoint.psnr_at_start) {
             // A loss is kept by giving up less as it is approached, not by undoing rounds: undoing would need a
             // second scene in memory and in each checkpoint.
             (Some(most), Some(before)) => ALLOWED_SHARE * (most - (before - self.psnr())).max(0.0),
             _ => f64::INFINITY,
         };
-        let gives_up_cells = has_last_resolution && allowance > 0.0 && lean.is_for_cells(round);
+        let gives_up_cells = has_last_resolution && allowance > 0.0 && lean::is_for_cells(round);
         if !(gives_up_cells && self.give_up_cells(&ranking, round)) {
-            self.give_up_components(lean.kept(&self.field, ranking, round, allowance));
+            self.give_up_components(ranking.kept(&config, &self.field, round, allowance));
         }
         self.checkpoint.worth = Worth::none(&self.field);
     }
@@ -78,7 +78,7 @@ impl Trainer<'_> {
             (self.field.scales[s], self.field.rules.step) = kept;
             self.scene.scales[s].cloud.resolution = from;
             let per_parameter = (rise - 1.0) / saved as f64;
-            if self.config.lean.is_better(ranking, round, saved, rise)
+            if ranking.is_worse_than(&self.config.lean, round, saved, rise)
                 && best.is_none_or(|(least, _)| per_parameter < least)
             {
                 best = Some((per_parameter, s));

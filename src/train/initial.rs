@@ -8,11 +8,6 @@ use strivec_format::model::{
 use strivec_format::random::Random;
 use strivec_format::{Invalid, Place};
 
-/// δ for a cloud at its current resolution: this many of its cells, averaged over the axes (spec 4.8).
-pub fn march_step(cloud: &TensorCloud, cells: f64) -> f64 {
-    cells * cloud.cell_size().element_sum() / 3.0
-}
-
 /// A scene of random factors and networks on `clouds`, coarsest first. Its bounds are the smallest box around the
 /// covered points (paper, Implementation), or those of `config`'s contraction. Its sky, if any, has the color of the
 /// background.

@@ -11,7 +11,7 @@
 //! In some rounds a scale gives up cells instead, if that costs less than as many parameters in components. What it costs
 //! is measured on rays, because it moves all factors at once.
 
-use super::config::LeanConfig;
+use super::LeanConfig;
 use strivec_field::{Field, FieldFactors, FieldScale, HeldComponents, Real};
 
 /// dB of PSNR that a relative rise of the mean squared error costs.
@@ -109,36 +109,63 @@ struct ComponentCandidate {
     parameters: u64,
 }
 
-impl LeanConfig {
-    /// The round after `step` of `steps`, if there is one: from 0 to `rounds`.
-    pub(super) fn round_after(&self, step: u64, steps: u64) -> Option<u32> {
-        if !self.is_on() {
-            return None;
+/// \[block\] the new order of the components of `scale`: component c was number `order`\[c\]. Only appearance components
+/// change it, and only while all tensors hold all of them: those of the largest sum of `rises` come first.
+fn orders(scale: &FieldScale<f32>, rises: &[Vec<f64>]) -> Vec<Vec<u16>> {
+    let of_block = |(b, (block, rises)): (usize, (&FieldFactors<f32>, &Vec<f64>))| {
+        let held = block.held();
+        let mut order: Vec<u16> = (0..held.rank() as u16).collect();
+        if b >= scale.density.len() && held.components() == held.tensors() * held.rank() {
+            let mut totals = vec![0.0; held.rank()];
+            for of_tensor in rises.chunks_exact(held.rank()) {
+                totals.iter_mut().zip(of_tensor).for_each(|(total, rise)| *total += rise);
+            }
+            // One order for all tensors, so that each holds the first components and no zeros between; in any order,
+            // memory was 70 % more.
+            order.sort_by(|&a, &b| totals[b as usize].total_cmp(&totals[a as usize]));
         }
-        (0..=self.rounds).rev().find(|&round| self.step_of(round, steps) == step)
+        order
+    };
+    scale.blocks().zip(rises).enumerate().map(of_block).collect()
+}
+
+/// True if a scale may give up cells in `round`.
+pub(super) fn is_for_cells(round: u32) -> bool {
+    round > 0 && round.is_multiple_of(CELLS_EVERY)
+}
+
+/// The number of cells along each axis of a scale that gives up some of its `cells`.
+pub(super) fn fewer(cells: [u32; 3]) -> [u32; 3] {
+    cells.map(|d| ((CELLS_KEPT * f64::from(d)).round() as u32).clamp(MIN_CELLS.min(d), d))
+}
+
+impl ComponentCandidate {
+    /// The loss of PSNR if it is given up, in dB.
+    fn loss(&self) -> f64 {
+        self.worth * self.parameters as f64
+    }
+}
+
+impl Ranking {
+    /// The components of `field` by `worth`. \[scale\] `resolutions` are those at the end of training, and `shared` the
+    /// parameters that are not factors.
+    pub(super) fn new(field: &Field<f32>, worth: &Worth, resolutions: &[[u32; 3]], shared: u64) -> Self {
+        let orders: Vec<_> = field.scales.iter().zip(&worth.rises).map(|(s, rises)| orders(s, rises)).collect();
+        let mut candidates = candidates(field, worth, &orders, resolutions);
+        // Components of a tensor with the same worth are given up from the last on.
+        let place = |c: &ComponentCandidate| (c.index, std::cmp::Reverse(c.component));
+        candidates.sort_by(|a, b| a.worth.total_cmp(&b.worth).then_with(|| place(a).cmp(&place(b))));
+        let total = shared + candidates.iter().map(|c| c.parameters).sum::<u64>();
+        Self { orders, candidates, total }
     }
 
-    /// True if step number `step` of `steps` measures the worth of components: those of the rounds, and as many before as
-    /// a round has.
-    pub(super) fn is_measuring(&self, step: u64, steps: u64) -> bool {
-        let [first, second, last] = [0, 1, self.rounds].map(|round| self.step_of(round, steps));
-        self.is_on() && step + (second - first).max(1) > first && step <= last
-    }
-
-    /// The step after which `round` is.
-    fn step_of(&self, round: u32, steps: u64) -> u64 {
-        let [from, until] = self.during;
-        let share = from + (until - from) * f64::from(round) / f64::from(self.rounds);
-        ((share * steps as f64).round() as u64).max(1)
-    }
-
-    /// \[scale\]\[block\] the components that the tensors of `field` keep in `round`, of those of `ranking`. What is given up for its
+    /// \[scale\]\[block\] the components of these that the tensors of `field` keep in `round`. What is given up for its
     /// worth costs at most `allowance`, in dB.
-    pub(super) fn kept(&self, field: &Field<f32>, ranking: Ranking, round: u32, allowance: f64) -> Vec<Vec<Kept>> {
-        let Ranking { orders, candidates, total } = ranking;
-        let (mut max_loss, most) = self.goals(round, total);
+    pub(super) fn kept(self, lean: &LeanConfig, field: &Field<f32>, round: u32, allowance: f64) -> Vec<Vec<Kept>> {
+        let Ranking { orders, candidates, total } = self;
+        let (mut max_loss, most) = lean.goals(round, total);
         // A picture of fog depends on no component: all would go.
-        if self.max_drop.is_none() && candidates.iter().map(ComponentCandidate::loss).sum::<f64>() < LEAST_WORTH {
+        if lean.max_drop.is_none() && candidates.iter().map(ComponentCandidate::loss).sum::<f64>() < LEAST_WORTH {
             max_loss = 0.0;
         }
         let least = ((1.0 - MAX_SHARE) * total as f64) as u64;
@@ -172,76 +199,14 @@ impl LeanConfig {
             .collect()
     }
 
-    /// True if a scale may give up cells in `round`.
-    pub(super) fn is_for_cells(&self, round: u32) -> bool {
-        round > 0 && round.is_multiple_of(CELLS_EVERY)
-    }
-
     /// True if in `round` a change that saves `saved` parameters and raises the mean squared error by the factor `rise` at once
-    /// is better than giving up as many in components, the first of `ranking`.
-    pub(super) fn is_better(&self, ranking: &Ranking, round: u32, saved: u64, rise: f64) -> bool {
+    /// is better than giving up as many in components, the first of these.
+    pub(super) fn is_worse_than(&self, lean: &LeanConfig, round: u32, saved: u64, rise: f64) -> bool {
         // As the worth of components: linear in the rise.
         let loss = DECIBELS * (rise - 1.0);
-        let (max_loss, most) = self.goals(round, ranking.total);
-        let loss_of_one_percent = loss * ranking.total as f64 / (100 * saved) as f64;
-        (loss_of_one_percent < max_loss || ranking.total > most) && loss < ranking.loss_of(saved)
-    }
-
-    /// In `round`, with `total` parameters: the most dB that one percent of the parameters may cost, and the most
-    /// parameters.
-    fn goals(&self, round: u32, total: u64) -> (f64, u64) {
-        let max_loss = self.max_loss * f64::from(round) / f64::from(self.rounds);
-        // The parameters beyond `max_parameters` fall with the cube of the share of the rounds that are left.
-        let rest = |round: u32| f64::from(self.rounds - round).powi(3);
-        let share = if round == 0 { 1.0 } else { rest(round) / rest(round - 1) };
-        let most = |end: u64| end.saturating_add((total.saturating_sub(end) as f64 * share) as u64);
-        (max_loss, self.max_parameters.map_or(u64::MAX, most))
-    }
-}
-
-/// \[block\] the new order of the components of `scale`: component c was number `order`\[c\]. Only appearance components
-/// change it, and only while all tensors hold all of them: those of the largest sum of `rises` come first.
-fn orders(scale: &FieldScale<f32>, rises: &[Vec<f64>]) -> Vec<Vec<u16>> {
-    let of_block = |(b, (block, rises)): (usize, (&FieldFactors<f32>, &Vec<f64>))| {
-        let held = block.held();
-        let mut order: Vec<u16> = (0..held.rank() as u16).collect();
-        if b >= scale.density.len() && held.components() == held.tensors() * held.rank() {
-            let mut totals = vec![0.0; held.rank()];
-            for of_tensor in rises.chunks_exact(held.rank()) {
-                totals.iter_mut().zip(of_tensor).for_each(|(total, rise)| *total += rise);
-            }
-            // One order for all tensors, so that each holds the first components and no zeros between; in any order,
-            // memory was 70 % more.
-            order.sort_by(|&a, &b| totals[b as usize].total_cmp(&totals[a as usize]));
-        }
-        order
-    };
-    scale.blocks().zip(rises).enumerate().map(of_block).collect()
-}
-
-/// The number of cells along each axis of a scale that gives up some of its `cells`.
-pub(super) fn fewer(cells: [u32; 3]) -> [u32; 3] {
-    cells.map(|d| ((CELLS_KEPT * f64::from(d)).round() as u32).clamp(MIN_CELLS.min(d), d))
-}
-
-impl ComponentCandidate {
-    /// The loss of PSNR if it is given up, in dB.
-    fn loss(&self) -> f64 {
-        self.worth * self.parameters as f64
-    }
-}
-
-impl Ranking {
-    /// The components of `field` by `worth`. \[scale\] `resolutions` are those at the end of training, and `shared` the
-    /// parameters that are not factors.
-    pub(super) fn new(field: &Field<f32>, worth: &Worth, resolutions: &[[u32; 3]], shared: u64) -> Self {
-        let orders: Vec<_> = field.scales.iter().zip(&worth.rises).map(|(s, rises)| orders(s, rises)).collect();
-        let mut candidates = candidates(field, worth, &orders, resolutions);
-        // Components of a tensor with the same worth are given up from the last on.
-        let place = |c: &ComponentCandidate| (c.index, std::cmp::Reverse(c.component));
-        candidates.sort_by(|a, b| a.worth.total_cmp(&b.worth).then_with(|| place(a).cmp(&place(b))));
-        let total = shared + candidates.iter().map(|c| c.parameters).sum::<u64>();
-        Self { orders, candidates, total }
+        let (max_loss, most) = lean.goals(round, self.total);
+        let loss_of_one_percent = loss * self.total as f64 / (100 * saved) as f64;
+        (loss_of_one_percent < max_loss || self.total > most) && loss < self.loss_of(saved)
     }
 
     /// The loss of PSNR, in dB, if the first components with this many parameters are given up.

@@ -12,7 +12,6 @@ mod cells;
 mod checkpoint;
 mod chunk;
 mod component_mask;
-mod config;
 mod divergence;
 mod error;
 mod exposure;
@@ -51,15 +50,11 @@ pub use cells::{Cell, CellMap, FLAT};
 pub use checkpoint::Checkpoint;
 pub(crate) use chunk::RAYS_PER_CHUNK;
 pub use chunk::{BatchRoulette, Target};
-pub use config::{
-    BootstrapOptions, ConfigError, DecoderConfig, FinishConfig, LeanConfig, LossConfig, OptimizerConfig,
-    PhotographConfig, PoseConfig, Preset, SamplingConfig, ScaleConfig, ScheduleConfig, SpaceConfig, TrainConfig,
-};
 pub use divergence::Divergence;
 pub use error::{CheckpointError, TrainError};
-pub use exposure::{Exposure, Exposures};
+pub use exposure::Exposures;
 pub use importance::{BlockImportance, DeadComponents, FactorImportance, MAX_LOSS, prune_dead_components};
-pub use initial::{initial_scene, march_step};
+pub use initial::initial_scene;
 pub use network_rounding::NETWORK_BITS;
 pub use networks::{NetworkLayout, network_parts};
 pub use occupancy::estimate_occupancy;
@@ -73,5 +68,10 @@ pub use ray_sampler::RaySampler;
 pub use rays::RayBatch;
 pub use rounding::Rounding;
 pub use shrink::{ShrinkGoal, Tuning, compacted, shrink};
+pub use strivec_settings::{
+    BootstrapOptions, ConfigError, DecoderConfig, Exposure, FinishConfig, LeanConfig, LossConfig, OptimizerConfig,
+    PhotographConfig, PoseConfig, Preset, SamplingConfig, ScaleConfig, ScheduleConfig, SpaceConfig, TrainConfig,
+    march_step,
+};
 pub use trainer::{StepReport, Trainer};
 pub use upsample::upsample;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::Exposure;
+use super::Exposure;
 use strivec_capture::prior::CANONICAL_HALF_EXTENT;
 use strivec_format::model::{Aggregation, Coverage, DecoderMode, FactorKind, Form, Reduction, Rules};
 
@@ -211,7 +211,7 @@ pub struct ScaleConfig {
     pub top_k: u32,
 }
 
-/// Settings of [`crate::bootstrap_prior`].
+/// Settings of the prior from tri-vectors alone, the paper's own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct BootstrapOptions {
@@ -354,6 +354,39 @@ impl LeanConfig {
     /// True if any component may be given up.
     pub fn is_on(&self) -> bool {
         self.max_loss > 0.0 || self.max_parameters.is_some()
+    }
+
+    /// The round after `step` of `steps`, if there is one: from 0 to `rounds`.
+    pub fn round_after(&self, step: u64, steps: u64) -> Option<u32> {
+        if !self.is_on() {
+            return None;
+        }
+        (0..=self.rounds).rev().find(|&round| self.step_of(round, steps) == step)
+    }
+
+    /// True if step number `step` of `steps` measures the worth of components: those of the rounds, and as many before as
+    /// a round has.
+    pub fn is_measuring(&self, step: u64, steps: u64) -> bool {
+        let [first, second, last] = [0, 1, self.rounds].map(|round| self.step_of(round, steps));
+        self.is_on() && step + (second - first).max(1) > first && step <= last
+    }
+
+    /// The step after which `round` is.
+    fn step_of(&self, round: u32, steps: u64) -> u64 {
+        let [from, until] = self.during;
+        let share = from + (until - from) * f64::from(round) / f64::from(self.rounds);
+        ((share * steps as f64).round() as u64).max(1)
+    }
+
+    /// In `round`, with `total` parameters: the most dB that one percent of the parameters may cost, and the most
+    /// parameters.
+    pub fn goals(&self, round: u32, total: u64) -> (f64, u64) {
+        let max_loss = self.max_loss * f64::from(round) / f64::from(self.rounds);
+        // The parameters beyond `max_parameters` fall with the cube of the share of the rounds that are left.
+        let rest = |round: u32| f64::from(self.rounds - round).powi(3);
+        let share = if round == 0 { 1.0 } else { rest(round) / rest(round - 1) };
+        let most = |end: u64| end.saturating_add((total.saturating_sub(end) as f64 * share) as u64);
+        (max_loss, self.max_parameters.map_or(u64::MAX, most))
     }
 }
 

@@ -1,10 +1,15 @@
 //! Settings of a training run: everything that the result depends on besides the photographs.
 //!
+//! They are a crate of their own because it is built with little optimization, and its readers and writers are many.
+//!
 //! [`TrainConfig`] is made of sections, which are the tables of its TOML form (`sections.rs`). A section holds the names, the
 //! paper's values and the descriptions of its settings, and `check.rs` their ranges.
 
+#![forbid(unsafe_code)]
+
 mod check;
 mod error;
+mod exposure;
 mod near_names;
 mod presets;
 mod sections;
@@ -16,13 +21,13 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 pub use error::ConfigError;
+pub use exposure::Exposure;
 pub use presets::Preset;
 pub use sections::{
     BootstrapOptions, DecoderConfig, FinishConfig, LeanConfig, LossConfig, OptimizerConfig, PhotographConfig,
     PoseConfig, SamplingConfig, ScaleConfig, ScheduleConfig, SpaceConfig,
 };
 
-use super::march_step;
 use strivec_capture::prior;
 use strivec_capture::prior::{CoarseOptions, Unbounded, VoxelBoxes};
 use strivec_format::geometry::{Aabb, Similarity};
@@ -67,6 +72,11 @@ pub struct TrainConfig {
     pub bootstrap: BootstrapOptions,
     /// The scales, coarsest first.
     pub scales: Vec<ScaleConfig>,
+}
+
+/// δ for a cloud at its current resolution: this many of its cells, averaged over the axes (spec 4.8).
+pub fn march_step(cloud: &TensorCloud, cells: f64) -> f64 {
+    cells * cloud.cell_size().element_sum() / 3.0
 }
 
 /// The box of a tensor over the whole scene, in boxes of what is occupied: so that rounding leaves nothing outside.
@@ -122,7 +132,11 @@ impl TrainConfig {
     }
 
     /// The map to model space of a prior that fills `bounds`: that of an unbounded scene is there already.
-    pub(super) fn model_from_prior(&self, bounds: &Aabb) -> Result<Similarity, prior::Error> {
+    ///
+    /// # Errors
+    ///
+    /// If `bounds` have no extent.
+    pub fn model_from_prior(&self, bounds: &Aabb) -> Result<Similarity, prior::Error> {
         match self.model.contraction {
             None => prior::canonical_map(bounds, self.space.half_extent),
             Some(_) => Ok(Similarity::IDENTITY),

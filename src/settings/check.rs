@@ -161,7 +161,7 @@ impl ScaleConfig {
 
 impl BootstrapOptions {
     /// Checks that all values are in range.
-    pub(crate) fn check(&self) -> Result<(), ConfigError> {
+    pub fn check(&self) -> Result<(), ConfigError> {
         let is_fraction = |v: f64| (0.0..1.0).contains(&v);
         let are_steps_valid =
             (1..=4).contains(&self.steps.len()) && !self.steps.contains(&0) && self.total_steps() <= 1 << 30;
