@@ -1,4 +1,5 @@
 //! Arrays of NumPy.
+#![expect(unsafe_code, reason = "NumPy takes views of memory with their owner")]
 
 use std::io;
 use std::sync::Arc;
