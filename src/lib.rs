@@ -32,8 +32,8 @@ pub use {
     strivec_capture::{dataset, prior},
     strivec_checkpoints as checkpoints, strivec_export as export, strivec_import as import,
     strivec_import::npy,
-    strivec_measure as measure, strivec_synth as synth, strivec_train as train,
-    strivec_train::{pack, recipe},
+    strivec_measure as measure, strivec_recipe as recipe, strivec_synth as synth, strivec_train as train,
+    strivec_train::pack,
 };
 #[cfg(feature = "render")]
 pub use {strivec_field as field, strivec_field::render};

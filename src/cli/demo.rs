@@ -18,10 +18,10 @@ use strivec_format::container::{EncodeOptions, Encoding};
 use strivec_format::escape::escaped_path;
 use strivec_measure as measure;
 use strivec_measure::{ERROR_FULL, Sheet, ViewReport, color_png, error_map, side_by_side, stacked};
+use strivec_recipe as recipe;
+use strivec_recipe::Recipe;
 use strivec_synth::SynthOptions;
 use strivec_train::TrainConfig;
-use strivec_train::recipe;
-use strivec_train::recipe::Recipe;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -9,8 +9,8 @@ use strivec_export as interop;
 use strivec_format::{container, named_by};
 use strivec_import as import;
 use strivec_measure as measure;
+use strivec_recipe as recipe;
 use strivec_train as train;
-use strivec_train::recipe;
 
 /// The exit code of [`Error::Usage`].
 pub(super) const USAGE: u8 = 1;

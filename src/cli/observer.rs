@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::console::Console;
 use super::error::with_flags;
 use super::progress::Progress;
-use strivec_train::recipe;
-use strivec_train::recipe::Observer;
+use strivec_recipe as recipe;
+use strivec_recipe::Observer;
 
 /// Shows a training on the console, and stops it when a flag is set.
 pub(super) struct ConsoleObserver<'a> {

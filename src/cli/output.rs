@@ -1,4 +1,4 @@
-//! Output files of commands; [`strivec_train::recipe::write_atomically`] says how they are written.
+//! Output files of commands; [`strivec_recipe::write_atomically`] says how they are written.
 
 use std::collections::HashSet;
 use std::fs::{self, File};
@@ -6,7 +6,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use super::Error;
-use strivec_train::recipe;
+use strivec_recipe as recipe;
 
 /// Checks, before any work is done, that [`write_atomically`] could write `path`: its folder exists and can be
 /// written, and no file would be overwritten without `force`.

@@ -10,8 +10,8 @@ use super::observer::ConsoleObserver;
 use super::{Context, Error, quantity};
 use strivec_capture::dataset::LoadOptions;
 use strivec_format::container::Encoding;
-use strivec_train::recipe;
-use strivec_train::recipe::Photographs;
+use strivec_recipe as recipe;
+use strivec_recipe::Photographs;
 use strivec_train::{Budget, Preset, TrainConfig};
 
 /// The settings of a training.

@@ -6,9 +6,9 @@ use std::sync::atomic::AtomicBool;
 use super::observer::ConsoleObserver;
 use super::{Context, Error};
 use strivec_format::model::Scene;
-use strivec_train::recipe;
-use strivec_train::recipe::CheckpointFile;
-pub(super) use strivec_train::recipe::beside;
+use strivec_recipe as recipe;
+use strivec_recipe::CheckpointFile;
+pub(super) use strivec_recipe::beside;
 use strivec_train::{Checkpoint, Trainer};
 
 /// The state of an unfinished run that writes a scene file.

@@ -18,8 +18,8 @@ use strivec_capture::dataset;
 use strivec_capture::dataset::{Dataset, LoadOptions, Photograph};
 use strivec_format::digits::grouped;
 use strivec_format::escape::escaped_path;
-use strivec_train::recipe;
-use strivec_train::recipe::{CheckpointFile, Recipe, Trained};
+use strivec_recipe as recipe;
+use strivec_recipe::{CheckpointFile, Recipe, Trained};
 use strivec_train::{DeadComponents, TrainConfig};
 
 /// Maximum held-out views that an evaluation during the run renders.

@@ -15,7 +15,7 @@ use strivec_field::render::{CpuRenderer, Renderer};
 use strivec_format::model::Scene;
 use strivec_format::psnr::psnr_of_mse;
 use strivec_measure::ViewReport;
-use strivec_train::recipe::{Observer, ObserverError, Progress};
+use strivec_recipe::{Observer, ObserverError, Progress};
 use strivec_train::{StepReport, Trainer};
 
 /// Maximum rows of the log, besides those of evaluations.

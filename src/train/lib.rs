@@ -35,7 +35,6 @@ mod prune;
 mod ray_errors;
 mod ray_sampler;
 mod rays;
-pub mod recipe;
 mod rounding;
 mod schedule;
 mod shrink;

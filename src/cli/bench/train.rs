@@ -16,7 +16,7 @@ use crate::{Context, Error, scene_file};
 use strivec_capture::dataset;
 use strivec_capture::dataset::{Dataset, Photograph};
 use strivec_format::model::Scene;
-use strivec_train::recipe::Recipe;
+use strivec_recipe::Recipe;
 use strivec_train::{Preset, TrainConfig, Trainer};
 
 const EXAMPLES: &str = "\

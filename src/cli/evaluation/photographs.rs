@@ -6,7 +6,7 @@ use crate::Error;
 use crate::view_selection::ViewSelection;
 use strivec_capture::dataset;
 use strivec_capture::dataset::{Dataset, LoadOptions, Photograph};
-use strivec_train::recipe::RefinedPoses;
+use strivec_recipe::RefinedPoses;
 
 /// The selected views of a dataset.
 #[derive(Clone, Debug, clap::Args)]

@@ -9,8 +9,8 @@ use crate::{Context, Error};
 use strivec_format::container;
 use strivec_format::model::{Scale, Scene};
 use strivec_format::psnr::psnr_of_mse;
+use strivec_recipe::JUDGED;
 use strivec_train::pack::{ReferencePictures, probe_views};
-use strivec_train::recipe::JUDGED;
 
 /// Arguments of `strivec-pack diff`.
 #[derive(Debug, clap::Args)]

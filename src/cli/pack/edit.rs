@@ -14,9 +14,9 @@ use crate::{Context, Error};
 use strivec_format::container;
 use strivec_format::container::SceneFile;
 use strivec_format::geometry::{Aabb, Similarity};
+use strivec_recipe::{JUDGED, PROBED};
 use strivec_train::pack;
 use strivec_train::pack::probe_views;
-use strivec_train::recipe::{JUDGED, PROBED};
 
 /// Inputs and outputs of edits.
 #[derive(Debug, clap::Args)]

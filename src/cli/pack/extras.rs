@@ -3,7 +3,7 @@
 use super::encoding::LayoutArgs;
 use crate::Error;
 use crate::numbers::in_range;
-use strivec_train::recipe::PackOptions;
+use strivec_recipe::PackOptions;
 
 /// Contents of a file beside its scene, and the effort of measuring.
 #[derive(Clone, Debug, clap::Args)]

@@ -22,9 +22,9 @@ use strivec_format::digits::grouped;
 use strivec_format::escape::escaped_path;
 use strivec_format::model::Scene;
 use strivec_format::psnr::psnr_of_mse;
+use strivec_recipe::{PackOptions, Packing};
 use strivec_train::pack;
 use strivec_train::pack::{Candidate, Goal, MAX_TRIED, search};
-use strivec_train::recipe::{PackOptions, Packing};
 use strivec_train::{FactorImportance, Preset, TrainConfig, Trainer};
 
 /// Arguments of `strivec-pack pack`.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use strivec_train::recipe::Prior;
+use strivec_recipe::Prior;
 
 /// Prior options of commands that train.
 #[derive(Clone, Debug, clap::Args)]

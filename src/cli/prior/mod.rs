@@ -20,7 +20,7 @@ use strivec_capture::dataset;
 use strivec_capture::prior;
 use strivec_capture::prior::Counts;
 use strivec_format::escape::escaped_path;
-use strivec_train::recipe;
+use strivec_recipe as recipe;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -17,7 +17,7 @@ use strivec_capture::prior::{Built, PriorVisibility, Shading, SparseVoxelTree};
 use strivec_format::escape::escaped_path;
 use strivec_format::geometry::Camera;
 use strivec_measure::{Sheet, color_png, side_by_side, stacked};
-use strivec_train::recipe;
+use strivec_recipe as recipe;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -4,8 +4,8 @@ use super::sweep::SweepScene;
 use crate::{Context, Error};
 use strivec_format::container::{EncodeOptions, Encoding, Limits, Metadata, decode_scene_file, encode_scene_file};
 use strivec_format::model::Scene;
+use strivec_recipe::{JUDGED, PROBED};
 use strivec_train::pack::{Goal, ReferencePictures, balance, probe_views, search};
-use strivec_train::recipe::{JUDGED, PROBED};
 
 /// Encodings that treat all factors alike, and their names.
 const PLAIN: [(&str, Encoding); 3] =

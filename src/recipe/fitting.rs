@@ -1,17 +1,16 @@
 //! Adjustment of the settings to the photographs and to a budget, once the prior is known.
 
-use crate as train;
-use crate::{Budget, PrepareError, TrainConfig};
 use strivec_capture::prior::VoxelBoxes;
 use strivec_format::geometry::Camera;
+use strivec_train::{Budget, PrepareError, TrainConfig};
 
 /// Adjustments of the settings. The default makes none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fitting {
     /// Derive tensors, resolutions and ranks from the scene's extent and the photographs' detail, and drop space that no
-    /// photograph shows ([`train::fit_to_photographs`]).
+    /// photograph shows ([`strivec_train::fit_to_photographs`]).
     pub to_photographs: bool,
-    /// The most parameters and bytes of the scene ([`train::fit_to_budget`]).
+    /// The most parameters and bytes of the scene ([`strivec_train::fit_to_budget`]).
     pub budget: Budget,
 }
 
@@ -30,9 +29,9 @@ impl Fitting {
     ) -> Result<(TrainConfig, VoxelBoxes, Vec<String>), PrepareError> {
         let mut reasons = Vec::new();
         if self.to_photographs {
-            (config, occupied, reasons) = train::fit_to_photographs(&config, cameras, &occupied)?;
+            (config, occupied, reasons) = strivec_train::fit_to_photographs(&config, cameras, &occupied)?;
         }
-        let (config, given_up) = train::fit_to_budget(&config, &occupied, self.budget)?;
+        let (config, given_up) = strivec_train::fit_to_budget(&config, &occupied, self.budget)?;
         reasons.extend(given_up);
         Ok((config, occupied, reasons))
     }

@@ -10,12 +10,12 @@ use super::{
     CheckpointFile, Error, Fitting, Observer, PackOptions, Packing, Photographs, Prior, RefinedPoses, Start, Trained,
     load, run_steps,
 };
-use crate::{Checkpoint, TrainConfig, Trainer};
 use strivec_capture::dataset::Dataset;
 use strivec_field::render::Turntable;
 use strivec_format::container;
 use strivec_format::container::{EncodeOptions, Encoding, Metadata, TrainingCamera};
 use strivec_format::model::{Frame, Scene};
+use strivec_train::{Checkpoint, TrainConfig, Trainer};
 
 /// Everything that decides a training besides its photographs. [`Recipe::new`] has the defaults of `strivec train`.
 #[derive(Clone, Debug)]

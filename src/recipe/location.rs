@@ -2,11 +2,11 @@
 
 use super::photographs::cameras;
 use super::{Error, Observer};
-use crate::TrainConfig;
 use strivec_capture::dataset::Dataset;
 use strivec_capture::prior;
 use strivec_capture::prior::{Location, VoxelBoxes};
 use strivec_format::geometry::Camera;
+use strivec_train::TrainConfig;
 
 /// The distance at which rays of an unbounded scene end, in edges of its inner box: what is farther does not move in any
 /// picture.

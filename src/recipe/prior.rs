@@ -9,22 +9,21 @@ use super::location::{locate, locate_unbounded};
 use super::points::prior_of_points;
 use super::prior_files::{build_prior, check_sight};
 use super::{Error, Observer, Progress};
-use crate as train;
-use crate::{PrepareError, TrainConfig};
 use strivec_capture::dataset::Dataset;
 use strivec_capture::prior;
 use strivec_capture::prior::{BuildOptions, CoarseProgress, VoxelBoxes};
 use strivec_format::digits::plural;
 use strivec_format::geometry::Camera;
+use strivec_train::{PrepareError, TrainConfig};
 
 /// The source of the prior, the occupied space that tensors are placed on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Prior {
     /// The dataset's points or points matched between opaque photographs, if they cover the photographs; else a coarse
-    /// reconstruction ([`train::reconstruct_prior`]).
+    /// reconstruction ([`strivec_train::reconstruct_prior`]).
     #[default]
     Photographs,
-    /// Eight coarse tensors ([`train::bootstrap_prior`]): slower, less precise.
+    /// Eight coarse tensors ([`strivec_train::bootstrap_prior`]): slower, less precise.
     Bootstrap,
     /// Geometry in files of the dataset's space.
     Files {
@@ -95,9 +94,9 @@ impl Prior {
             if observer.stop() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let occupied = if bootstraps {
-            train::bootstrap_prior(config, dataset, &mut report)?
+            strivec_train::bootstrap_prior(config, dataset, &mut report)?
         } else {
-            train::reconstruct_prior(config, dataset, &mut report).map_err(PrepareError::from)?
+            strivec_train::reconstruct_prior(config, dataset, &mut report).map_err(PrepareError::from)?
         };
         let (count, seconds) = (plural(occupied.cells.len(), "occupied voxel"), start.elapsed().as_secs_f64());
         observer.finished(&format!("prior: {count} in {seconds:.1} s"));

@@ -5,9 +5,6 @@
 
 use super::viewpoints::{default_views, thumbnail};
 use super::{Error, Observer, Progress};
-use crate::pack;
-use crate::pack::{Candidate, FileLayout, MAX_TRIED, ModelCameras, ReferencePictures, fit_prefix, probe_views};
-use crate::{FactorImportance, Trainer};
 use strivec_capture::dataset::Photograph;
 use strivec_field::render::Turntable;
 use strivec_format::container;
@@ -16,6 +13,9 @@ use strivec_format::digits::grouped;
 use strivec_format::model::Scene;
 use strivec_format::psnr::psnr_of_mse;
 use strivec_measure::make_probes;
+use strivec_train::pack;
+use strivec_train::pack::{Candidate, FileLayout, MAX_TRIED, ModelCameras, ReferencePictures, fit_prefix, probe_views};
+use strivec_train::{FactorImportance, Trainer};
 
 /// Pictures that a scene is judged by, and their size, at the usual effort.
 pub const JUDGED: (usize, u32) = (12, 320);

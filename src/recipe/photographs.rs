@@ -21,7 +21,7 @@ pub struct Photographs {
 
 impl Photographs {
     /// The options that load the training photographs in `folder`: if no downscale is given, with at most `max_side` pixels
-    /// a side ([`PhotographConfig::max_side`](crate::PhotographConfig::max_side)) or, without this
+    /// a side ([`PhotographConfig::max_side`](strivec_train::PhotographConfig::max_side)) or, without this
     /// either, the largest that fit into the memory for them.
     ///
     /// # Errors

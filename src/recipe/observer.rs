@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::path::Path;
 
-use crate::{StepReport, Trainer};
+use strivec_train::{StepReport, Trainer};
 
 /// The error with which an observer ends a training.
 pub type ObserverError = Box<dyn std::error::Error + Send + Sync>;
@@ -25,7 +25,7 @@ pub struct Progress<'a> {
 /// observes nothing.
 ///
 /// ```
-/// use strivec_train::recipe::{Observer, Progress};
+/// use strivec_recipe::{Observer, Progress};
 ///
 /// struct Print;
 ///

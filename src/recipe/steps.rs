@@ -3,10 +3,10 @@
 use std::time::Instant;
 
 use super::{CheckpointFile, Error, Observer, Progress};
-use crate::pack::steer_to_size;
-use crate::{StepReport, Trainer};
 use strivec_format::digits::plural;
 use strivec_format::psnr::RunningMse;
+use strivec_train::pack::steer_to_size;
+use strivec_train::{StepReport, Trainer};
 
 /// Does the remaining steps of `trainer`, with what a training for a file size changes after each of them. Their time is
 /// added to the trainer's.

@@ -4,12 +4,11 @@ use glam::DVec3;
 
 use super::photographs::cameras;
 use super::{Error, Observer};
-use crate as train;
-use crate::TrainConfig;
 use strivec_capture::dataset::Dataset;
 use strivec_capture::prior;
 use strivec_capture::prior::VoxelBoxes;
 use strivec_format::digits::plural;
+use strivec_train::TrainConfig;
 
 /// The share of rays from which on tensors around the dataset's points hold the scene; surfaces without texture have no
 /// points. In an unbounded scene, the rest may be so far away that photographs do not tell where.
@@ -32,7 +31,7 @@ pub(super) fn prior_of_points(
     let candidate = |cells: VoxelBoxes, what, near_far| -> Result<PointPrior, Error> {
         let mut config = config.clone();
         config.space.near_far = near_far;
-        let share = train::covered_share(&config, dataset, &cells)?;
+        let share = strivec_train::covered_share(&config, dataset, &cells)?;
         Ok(PointPrior { cells, what, near_far, share })
     };
     let of_dataset =
@@ -71,7 +70,7 @@ pub(super) fn prior_of_points(
     if share < ENOUGH_COVERED {
         let photographs = &mut config.photographs;
         let degree = *photographs.sky_degree.get_or_insert(if photographs.random_background { 0 } else { SKY_DEGREE });
-        let cells = train::with_far_cells(config, dataset, &cells)?;
+        let cells = strivec_train::with_far_cells(config, dataset, &cells)?;
         let count = plural(cells.cells.len(), "cell");
         let sky = if degree > 0 { format!(", before a sky of degree {degree}") } else { String::new() };
         observer.message(&format_args!("prior: {count} with those where the other rays end, far away{sky}"));

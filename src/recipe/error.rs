@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use super::{FileError, ObserverError};
-use crate as train;
 use strivec_capture::{dataset, prior};
 use strivec_format::OptionName;
 use strivec_format::container;
@@ -22,10 +21,10 @@ pub enum Error {
     Prior(#[from] prior::BuildError),
     /// There is no scene to begin with.
     #[error(transparent)]
-    Prepare(#[from] train::PrepareError),
+    Prepare(#[from] strivec_train::PrepareError),
     /// The training cannot begin, or failed.
     #[error(transparent)]
-    Train(#[from] train::TrainError),
+    Train(#[from] strivec_train::TrainError),
     /// The scene cannot be encoded.
     #[error(transparent)]
     Encode(#[from] container::Error),
@@ -41,7 +40,7 @@ pub enum Error {
         /// The checkpoint.
         path: PathBuf,
         /// The damage.
-        source: train::CheckpointError,
+        source: strivec_train::CheckpointError,
     },
     /// The scene in the checkpoint is damaged.
     #[error("{}: {source}", path.display())]
@@ -85,13 +84,13 @@ impl Error {
             self,
             Self::Interrupted { .. }
                 | Self::Prior(prior::BuildError::Stopped)
-                | Self::Prepare(train::PrepareError::Prior(prior::Error::Cancelled { .. }))
+                | Self::Prepare(strivec_train::PrepareError::Prior(prior::Error::Cancelled { .. }))
         )
     }
 }
 
-impl From<train::ConfigError> for Error {
-    fn from(error: train::ConfigError) -> Self {
+impl From<strivec_train::ConfigError> for Error {
+    fn from(error: strivec_train::ConfigError) -> Self {
         Self::Prepare(error.into())
     }
 }

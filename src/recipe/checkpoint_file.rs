@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use super::atomic_file::{FileError, beside, check_output, remove_file, write_atomically};
 use super::{Error, Observer};
-use crate::{Checkpoint, Trainer};
 use strivec_format::container;
 use strivec_format::container::{EncodeOptions, Encoding};
 use strivec_format::model::Scene;
+use strivec_train::{Checkpoint, Trainer};
 
 /// The checkpoint file of a training. It is written when the training is interrupted, and removed when its scene is
 /// written.

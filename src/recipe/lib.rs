@@ -1,6 +1,6 @@
 //! The whole way from photographs to a scene file: what `strivec train` does, for any program.
 //!
-//! In: a dataset's folder or its loaded views, and a [`Recipe`]: the settings ([`TrainConfig`](crate::TrainConfig)),
+//! In: a dataset's folder or its loaded views, and a [`Recipe`]: the settings ([`TrainConfig`](strivec_train::TrainConfig)),
 //! the source of the prior, the budget, and the checkpoint. Out: a [`Trained`] scene with the bytes of its file. On the way,
 //! an [`Observer`] receives messages, progress and the trainer after each step, and may stop the run, which then leaves a
 //! checkpoint.
@@ -10,7 +10,7 @@
 //!
 //! ```
 //! use strivec_synth::{SynthOptions, synthesize};
-//! use strivec_train::recipe::{Photographs, Prior, Recipe};
+//! use strivec_recipe::{Photographs, Prior, Recipe};
 //! use strivec_train::TrainConfig;
 //!
 //! let folder = std::env::temp_dir().join(format!("strivec-recipe-{}", std::process::id()));
@@ -30,6 +30,8 @@
 //! # std::fs::remove_dir_all(&folder)?;
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+
+#![forbid(unsafe_code)]
 
 mod atomic_file;
 mod background;

@@ -1,11 +1,10 @@
 //! The start of a training: settings that fit the photographs, and the occupied space.
 
 use super::{Error, Observer};
-use crate as train;
-use crate::{PrepareError, TrainConfig, Trainer};
 use strivec_capture::dataset::Dataset;
 use strivec_capture::prior::VoxelBoxes;
 use strivec_format::digits::grouped;
+use strivec_train::{PrepareError, TrainConfig, Trainer};
 
 /// The settings and the occupied space from which a scene is trained.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,7 +25,7 @@ impl Start {
     pub fn trainer<'a>(self, dataset: &'a Dataset, observer: &mut dyn Observer) -> Result<Trainer<'a>, Error> {
         let Self { config, occupied } = self;
         let config = config.fitted(&occupied).map_err(PrepareError::from)?;
-        let scene = train::place_scene(&config, dataset, &occupied)?;
+        let scene = strivec_train::place_scene(&config, dataset, &occupied)?;
         let trainer = Trainer::new(config, scene, &dataset.views)?;
         observer.message(&format_args!(
             "{} parameters, {} rays meet the model",

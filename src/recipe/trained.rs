@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::atomic_file::{FileError, beside, check_output, write_atomically};
 use super::{CheckpointFile, Error, Observer, RefinedPoses};
-use crate::DeadComponents;
 use strivec_format::model::Scene;
+use strivec_train::DeadComponents;
 
 /// A trained scene.
 #[derive(Clone, Debug)]

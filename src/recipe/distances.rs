@@ -6,11 +6,11 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Error, Observer};
-use crate::TrainConfig;
 use strivec_capture::dataset;
 use strivec_capture::dataset::Dataset;
 use strivec_capture::prior;
 use strivec_format::digits::{grouped, plural};
+use strivec_train::TrainConfig;
 
 /// The distances of `dataset`'s photographs, for a training by `config` that does not reconstruct its prior.
 pub(super) fn find_distances(
