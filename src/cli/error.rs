@@ -6,6 +6,8 @@ use std::path::Path;
 
 use strivec_capture::{dataset, prior};
 use strivec_export as interop;
+use strivec_field::render::RendererError;
+use strivec_format::model::OverMemory;
 use strivec_format::{container, named_by};
 use strivec_import as import;
 use strivec_measure as measure;
@@ -88,6 +90,7 @@ impl Error {
             let message = format!("{}: {}", path.display(), with_flags(&error));
             match error {
                 interop::Error::Setting(_) | interop::Error::TooLarge { .. } => Self::Usage(message),
+                interop::Error::Memory(_) => Self::Unsupported(message),
                 interop::Error::Io(_) => Self::Io(message),
                 interop::Error::Checkpoint(error) => Self::checkpoint(path)(error),
                 _ => Self::Runtime(message),
@@ -188,10 +191,27 @@ impl From<train::TrainError> for Error {
     fn from(error: train::TrainError) -> Self {
         let message = error.to_string();
         match error {
+            train::TrainError::Memory(error) => error.into(),
             train::TrainError::NoRays { .. }
             | train::TrainError::TooManyPixels { .. }
             | train::TrainError::Checkpoint(_) => Self::Malformed(message),
             _ => Self::Runtime(message),
+        }
+    }
+}
+
+impl From<OverMemory> for Error {
+    fn from(error: OverMemory) -> Self {
+        Self::Unsupported(error.to_string())
+    }
+}
+
+impl From<RendererError> for Error {
+    fn from(error: RendererError) -> Self {
+        match error {
+            RendererError::Approximation(error) => error.into(),
+            RendererError::Memory(error) => error.into(),
+            error => Self::Unsupported(error.to_string()),
         }
     }
 }
@@ -222,6 +242,7 @@ impl From<recipe::Error> for Error {
             recipe::Error::Train(error) => error.into(),
             recipe::Error::Thumbnail(error) => error.into(),
             recipe::Error::File(error) => error.into(),
+            recipe::Error::Kept { .. } | recipe::Error::KeptCheckpoint { .. } => Self::Io(message),
             recipe::Error::Observer(error) => error.downcast().map_or_else(|_| Self::Runtime(message), |error| *error),
             recipe::Error::Checkpoint { .. } | recipe::Error::CheckpointScene { .. } => Self::Malformed(message),
             _ => Self::Runtime(message),

@@ -19,7 +19,7 @@ use strivec_capture::dataset::{Dataset, LoadOptions, Photograph};
 use strivec_format::digits::grouped;
 use strivec_format::escape::escaped_path;
 use strivec_train::recipe;
-use strivec_train::recipe::{CheckpointFile, Recipe, Trained};
+use strivec_train::recipe::{CheckpointFile, Recipe, Reservation, Trained};
 use strivec_train::{DeadComponents, TrainConfig};
 
 /// Maximum held-out views that an evaluation during the run renders.
@@ -98,6 +98,8 @@ pub(super) fn trained<'a>(args: &'a Args, config: TrainConfig, session: &Context
         return Err(Error::Usage("give a dataset and --output".into()));
     };
     let recipe = args.recipe(config, output, session)?;
+    // Until the scene is written: another run with this output would lose its result or this one's.
+    let _reserved = Reservation::new(output)?;
     let interrupted = session.interrupts()?;
     let training = recipe.begin()?;
     let options = args.settings.basics.photographs(folder, training.max_photograph_side(), session)?;

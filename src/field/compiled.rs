@@ -6,11 +6,30 @@
 use glam::DVec3;
 
 use crate::render::{CpuRenderer, Picture, Pixel, TraceInfo};
+use crate::vector::Sealed;
 use crate::{Field, Work};
 use strivec_format::geometry::{Camera, Ray};
 
 /// A precision for which the entries are compiled: f32, and with the feature `f64` also f64.
-pub trait Compiled: Sized {
+///
+/// Other crates cannot implement it, [`Vector`](crate::Vector) or [`Real`](crate::Real), which `unsafe` code trusts:
+///
+/// ```compile_fail
+/// use glam::DVec3;
+/// use strivec_field::render::{CpuRenderer, Picture, Pixel, TraceInfo};
+/// use strivec_field::{Compiled, Field, Work};
+/// use strivec_format::geometry::{Camera, Ray};
+///
+/// struct Number;
+/// impl Compiled for Number {
+///     fn render(_: &CpuRenderer<Self>, _: &Camera) -> (Picture, Work) { todo!() }
+///     fn trace(_: &CpuRenderer<Self>, _: &[Ray]) -> Vec<Pixel> { todo!() }
+///     fn trace_info(_: &CpuRenderer<Self>, _: &[Ray], _: bool) -> Vec<TraceInfo> { todo!() }
+///     fn densities(_: &Field<Self>, _: &(dyn Fn(usize) -> DVec3 + Sync), _: &mut [Self]) {}
+///     fn appearances(_: &Field<Self>, _: &(dyn Fn(usize) -> DVec3 + Sync), _: &mut [Self]) {}
+/// }
+/// ```
+pub trait Compiled: Sealed + Sized {
     /// [`CpuRenderer::render_with_work`].
     fn render(renderer: &CpuRenderer<Self>, camera: &Camera) -> (Picture, Work);
     /// [`Renderer::trace`](crate::render::Renderer::trace).

@@ -285,7 +285,7 @@ fn measured<'a>(
         // A dataset may lack the training split.
         cameras = known;
     }
-    Ok(Packing::new(scene, metadata, cameras, photographs, options))
+    Ok(Packing::new(scene, metadata, cameras, photographs, options)?)
 }
 
 /// The file without training, and what was measured of it.

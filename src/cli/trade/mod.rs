@@ -94,6 +94,7 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let file = &args.file;
     let console = &session.console;
     let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read(file, console)?;
+    scene_file::check_memory(file, &scene)?;
     let views = match &args.data {
         Some(folder) => {
             let options = args.dataset.load_options(args.downscale);

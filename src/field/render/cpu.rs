@@ -3,11 +3,10 @@
 use rayon::prelude::*;
 
 use super::approximation::OwnThresholds;
-use super::{Approximation, Picture, Pixel, Renderer};
+use super::{Approximation, Picture, Pixel, Renderer, RendererError};
 use crate::{Activations, Field, Pool, Real, Samples, Stage, Work, add_compensated, vectorized};
-use strivec_format::Invalid;
 use strivec_format::geometry::{Camera, Ray};
-use strivec_format::model::{DecoderMode, Scene, softplus};
+use strivec_format::model::{DecoderMode, OverMemory, Scene, softplus};
 
 /// Pixels along the edge of a tile. Its rays are marched together because they meet mostly the same tensors. Tiles of
 /// 8, 12, 20, 24 and 32 pixels are not faster (docs/experiments/2026-11-26-frame-in-tiles.md).
@@ -33,10 +32,10 @@ const MAX_ROWS: usize = 768;
 /// let scene = decode(include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/v1/smallest.strivec")))?;
 /// let (center, size) = (scene.bounds.center(), scene.bounds.size());
 /// let camera = Camera::looking_at([8, 8], 8.0, center + 2.0 * size, center, glam::DVec3::Z);
-/// let picture = CpuRenderer::new(&scene).render(&camera);
+/// let picture = CpuRenderer::new(&scene)?.render(&camera);
 /// assert_eq!(picture.pixels.len(), 64);
 /// assert!(picture.pixels.iter().all(|pixel| (0.0..=1.0).contains(&pixel.opacity)));
-/// # Ok::<(), strivec_format::container::Error>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct CpuRenderer<T = f32> {
@@ -70,9 +69,18 @@ struct Tile<'a> {
 }
 
 impl CpuRenderer<f32> {
-    /// Prepares `scene`, which must have passed [`Scene::check`].
-    pub fn new(scene: &Scene) -> Self {
-        Self::from_field(Field::new(scene))
+    /// Prepares `scene`, which must have passed [`Scene::check`], within the memory that it allows.
+    ///
+    /// # Errors
+    ///
+    /// [`OverMemory`].
+    pub fn new(scene: &Scene) -> Result<Self, OverMemory> {
+        Field::new(scene).map(Self::from_field)
+    }
+
+    /// Prepares `scene` like [`Field::unlimited`].
+    pub fn unlimited(scene: &Scene) -> Self {
+        Self::from_field(Field::unlimited(scene))
     }
 }
 
@@ -82,13 +90,13 @@ impl<T: Real> CpuRenderer<T> {
     ///
     /// # Errors
     ///
-    /// If an option is out of range for this scene.
-    pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, Invalid> {
+    /// If an option is out of range for this scene, or the scene takes more memory than it may.
+    pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, RendererError> {
         approximation.check(&scene)?;
         // Raised thresholds need the scene's own, by which they give the weight of skipped samples to shaded ones.
         let own = approximation.reduce(&mut scene);
         // Each scale's factors leave the scene as they are converted: 147 instead of 266 MB for a scene of 74 MB.
-        Ok(Self { field: Field::from_scene(&mut scene), own })
+        Ok(Self { field: Field::from_scene(&mut scene)?, own })
     }
 
     /// The most bytes of memory that tracing a ray takes.

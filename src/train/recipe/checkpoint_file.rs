@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::atomic_file::{FileError, beside, check_output, remove_file, write_atomically};
+use super::atomic_file::{FileError, beside, check_output, read_file, remove_file, write_atomically};
 use super::{Error, Observer};
 use crate::{Checkpoint, Trainer};
 use strivec_format::container;
@@ -49,7 +49,7 @@ impl CheckpointFile {
     /// [`Error::File`] if it cannot be read, [`Error::Checkpoint`] and [`Error::CheckpointScene`] if it is damaged.
     pub fn read(&self) -> Result<(Checkpoint, Scene), Error> {
         let path = &self.path;
-        let bytes = std::fs::read(path).map_err(FileError::io("read", path))?;
+        let bytes = read_file(path)?;
         let (checkpoint, scene) =
             Checkpoint::from_bytes(&bytes).map_err(|source| Error::Checkpoint { path: path.clone(), source })?;
         let scene = container::decode(&scene)
@@ -78,11 +78,20 @@ impl CheckpointFile {
         remove_file(&self.path)
     }
 
-    /// Writes the checkpoint of `trainer` after a step if it is due, or if the run `stops`.
+    /// Writes the checkpoint of `trainer` after a step if it is due, or if the run `stops`. A run that goes on does so without
+    /// a checkpoint that cannot be written, such as on a full disk; the one before stays.
     pub(super) fn follow(&self, trainer: &Trainer<'_>, stops: bool, observer: &mut dyn Observer) -> Result<(), Error> {
         if stops || self.every.is_some_and(|every| trainer.steps_done().is_multiple_of(every)) {
-            self.write(trainer)?;
-            observer.checkpoint(&self.path);
+            match self.write(trainer) {
+                Err(Error::File(error)) if !stops => {
+                    let step = trainer.steps_done();
+                    observer.message(&format_args!("warning: no checkpoint after step {step}: {error}"));
+                }
+                written => {
+                    written?;
+                    observer.checkpoint(&self.path);
+                }
+            }
         }
         Ok(())
     }

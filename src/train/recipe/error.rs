@@ -35,6 +35,22 @@ pub enum Error {
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
+    /// The trained scene could not be written where it should, and is elsewhere.
+    #[error("{source}; the trained scene is kept in {}", kept.display())]
+    Kept {
+        /// The file that has the scene.
+        kept: PathBuf,
+        /// Why it is not where it should be.
+        source: FileError,
+    },
+    /// The trained scene could not be written.
+    #[error("{source}; the checkpoint {} is kept, and {} continues it", checkpoint.display(), OptionName("resume"))]
+    KeptCheckpoint {
+        /// The checkpoint of the run.
+        checkpoint: PathBuf,
+        /// Why the scene is not written.
+        source: FileError,
+    },
     /// The checkpoint is damaged.
     #[error("{}: {source}", path.display())]
     Checkpoint {
