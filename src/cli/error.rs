@@ -282,6 +282,7 @@ const FLAGS: [(&str, &str); 34] = [
     ("skip_missing", "--skip-missing"),
     ("step_scale", "--step-scale"),
     ("steps", "--steps"),
+    ("test_every", "--test-every"),
     ("thickness", "--thickness"),
     ("threshold", "--threshold"),
     ("transform", "--transform"),

@@ -68,7 +68,8 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     args.backend.check()?;
     args.outputs.check(session)?;
     let scene = SceneToEvaluate::read(&args.file, session)?;
-    let Dataset { name, views, .. } = args.photographs.load()?;
+    let Dataset { name, views, unreadable, .. } = args.photographs.load()?;
+    unreadable.iter().for_each(|error| session.console.say(&format!("left out: {error}")));
     if let Some(folder) = &args.sheets {
         make_folder(folder)?;
         let planned: Vec<PathBuf> = views.iter().map(|view| sheet(folder, &view.name)).collect();

@@ -7,6 +7,7 @@ mod folder;
 mod frames;
 mod model;
 mod options;
+mod pairs;
 mod photographs;
 mod process;
 mod programs;
@@ -26,6 +27,7 @@ use super::{Context, Error, write_atomically};
 use folder::{CaptureFolder, FinishedStage, IMAGES, Inputs, PICTURES, PoseStage, UNSORTED};
 use frames::SourceVideo;
 use options::{Mapper, Matching, Options, name_of};
+use pairs::PairsTried;
 use photographs::Photographs;
 use programs::{Colmap, Search};
 use report::Report;
@@ -194,12 +196,13 @@ impl PoseRun<'_> {
         })?;
 
         let pairs = options.matching.of(count);
-        let total = (count * count.saturating_sub(1) / 2) as u64;
+        let tried = PairsTried::new(pairs, count, colmap.matches_the_next_nine(), options.vocab_tree.is_some());
+        let total = tried.total();
         self.stage(PoseStage::Matching, total, |work, progress| {
             if pairs == Matching::Sequential && options.vocab_tree.is_none() {
                 progress.say("matching: sequential without loop detection; --vocab-tree FILE adds it");
             }
-            let scaled = |line: &str| process::counter(line).map(|[done, of]| done * total / of.max(1));
+            let scaled = |line: &str| process::counter(line).map(|counter| tried.done(counter));
             work.program("matching", colmap.matching(options, pairs, threads), progress, &scaled)?;
             Ok(name_of(pairs))
         })?;

@@ -171,6 +171,11 @@ impl Colmap {
         matches!(self.kind, Kind::Program { .. })
     }
 
+    /// True if sequential matching also tries the next nine pictures.
+    pub(super) fn matches_the_next_nine(&self) -> bool {
+        matches!(self.kind, Kind::Program { .. }) && self.order < (3, 12)
+    }
+
     fn has_global_mapper(&self) -> bool {
         match &self.kind {
             Kind::Program { global, .. } => global.is_some(),
