@@ -166,19 +166,6 @@ step() {
     times+=("$(printf '%5d s  %s' $((SECONDS - start)) "$*")")
 }
 
-times=()
-set_up
-$install || export STRIVEC_NO_INSTALL=1
-$checks || exit 0
-
-export RUSTDOCFLAGS="-D warnings"
-whole=(--workspace --features player)
-build=$target/debug
-package=$target/python-package
-# Nothing is built twice here; in smaller pieces it would build more slowly.
-export CARGO_INCREMENTAL=${CARGO_INCREMENTAL:-0}
-
-step cargo fmt --all --check
 # Programs that embed the reader build few packages.
 check_format_packages() {
     local tree=(cargo tree --locked --package strivec-format --edges "normal,build" --prefix none) count
@@ -198,6 +185,19 @@ assemble_python_package() {
     done
 }
 
+times=()
+set_up
+$install || export STRIVEC_NO_INSTALL=1
+$checks || exit 0
+
+export RUSTDOCFLAGS="-D warnings"
+whole=(--workspace --features player)
+build=$target/debug
+package=$target/python-package
+# Nothing is built twice here; in smaller pieces it would build more slowly.
+export CARGO_INCREMENTAL=${CARGO_INCREMENTAL:-0}
+
+step cargo fmt --all --check
 step "$python" tools/comments.py
 step "$python" tools/texts.py
 # All that is asked of the registry is asked here.
@@ -213,7 +213,7 @@ step cargo doc --locked --no-deps "${whole[@]}"
 step cargo package --workspace --exclude strivec-web --exclude strivec-python --locked --offline --allow-dirty --no-verify
 step cargo package --package strivec-format --locked --offline --allow-dirty
 # As `cargo test` does, and the Python library besides.
-step cargo build --locked --profile test --all-targets "${whole[@]}"
+step cargo build --locked --profile test --lib --bins --examples --tests "${whole[@]}"
 step cargo test --locked "${whole[@]}"
 for renderer in gpu cpu memory; do
     step "$python" tools/player/drive.py "$build/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
