@@ -1,12 +1,12 @@
 //! The JSON of a glTF file: the parts about geometry, in lists of bounded length.
 
 use gltf::json::buffer::View;
-use gltf::json::{Accessor, Buffer, Index, Mesh, Node, Scene};
+use gltf::json::{Accessor, Buffer, Index, Mesh};
 use serde::Deserialize;
 
 use super::super::Fault;
 use super::super::error::excerpt;
-use super::normalize::{DECODED, few, one, scenes};
+use super::normalize::{DECODED, few, one};
 
 /// Corners of all instances of all meshes.
 const MAX_CORNERS: u64 = 1 << 32;
@@ -62,10 +62,30 @@ pub(super) struct Document {
     pub(super) meshes: Vec<Mesh>,
     #[serde(default, deserialize_with = "few")]
     pub(super) nodes: Vec<Node>,
-    #[serde(default, deserialize_with = "scenes")]
+    #[serde(default, deserialize_with = "few")]
     pub(super) scenes: Vec<Scene>,
     #[serde(default, deserialize_with = "one")]
     pub(super) scene: Option<Index<Scene>>,
+}
+
+/// The root nodes of a scene.
+#[derive(Deserialize)]
+pub(super) struct Scene {
+    #[serde(default)]
+    pub(super) nodes: Vec<Index<Node>>,
+}
+
+/// A node: its mesh, its children, and its transform, which the type of `gltf` would round to 32 bits.
+#[derive(Deserialize)]
+pub(super) struct Node {
+    pub(super) mesh: Option<Index<Mesh>>,
+    pub(super) children: Option<Vec<Index<Node>>>,
+    /// Column by column.
+    pub(super) matrix: Option<[f64; 16]>,
+    /// A quaternion x, y, z, w.
+    pub(super) rotation: Option<[f64; 4]>,
+    pub(super) scale: Option<[f64; 3]>,
+    pub(super) translation: Option<[f64; 3]>,
 }
 
 impl Document {

@@ -1,5 +1,5 @@
 //! The entries of a document as the types of `gltf` read them. The format allows more than these types: `extras` of any
-//! type, scenes without nodes, and whole numbers written as floats. Of extensions, those of [`DECODED`] are kept.
+//! type, and whole numbers written as floats. Of extensions, those of [`DECODED`] are kept.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -19,25 +19,7 @@ const MAX_WHOLE: f64 = 9007199254740992.0;
 
 /// A list of at most [`MAX_ENTRIES`].
 pub(super) fn few<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D) -> Result<Vec<T>, D::Error> {
-    few_of(list, |_| {})
-}
-
-/// A list of at most [`MAX_ENTRIES`] scenes, which may lack `nodes`.
-pub(super) fn scenes<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D) -> Result<Vec<T>, D::Error> {
-    few_of(list, |scene| {
-        if let Value::Object(scene) = scene {
-            scene.entry("nodes").or_insert_with(|| Value::Array(Vec::new()));
-        }
-    })
-}
-
-/// One entry.
-pub(super) fn one<'de, D: Deserializer<'de>, T: Deserialize<'de>>(entry: D) -> Result<T, D::Error> {
-    T::deserialize(Normal { left: &mut MAX_ENTRIES.clone() }.deserialize(entry)?).map_err(D::Error::custom)
-}
-
-fn few_of<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D, adjust: fn(&mut Value)) -> Result<Vec<T>, D::Error> {
-    struct Few<T>(fn(&mut Value), PhantomData<T>);
+    struct Few<T>(PhantomData<T>);
     impl<'de, T: Deserialize<'de>> Visitor<'de> for Few<T> {
         type Value = Vec<T>;
 
@@ -47,17 +29,21 @@ fn few_of<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D, adjust: fn(&m
 
         fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<T>, A::Error> {
             let mut entries = Vec::new();
-            while let Some(mut entry) = list.next_element_seed(Normal { left: &mut MAX_ENTRIES.clone() })? {
+            while let Some(entry) = list.next_element_seed(Normal { left: &mut MAX_ENTRIES.clone() })? {
                 if entries.len() == MAX_ENTRIES {
                     return Err(A::Error::invalid_length(MAX_ENTRIES + 1, &self));
                 }
-                (self.0)(&mut entry);
                 entries.push(T::deserialize(entry).map_err(A::Error::custom)?);
             }
             Ok(entries)
         }
     }
-    list.deserialize_seq(Few(adjust, PhantomData))
+    list.deserialize_seq(Few(PhantomData))
+}
+
+/// One entry.
+pub(super) fn one<'de, D: Deserializer<'de>, T: Deserialize<'de>>(entry: D) -> Result<T, D::Error> {
+    T::deserialize(Normal { left: &mut MAX_ENTRIES.clone() }.deserialize(entry)?).map_err(D::Error::custom)
 }
 
 /// Reads a value without `extras`, and with whole numbers as integers.

@@ -1,10 +1,10 @@
 //! The nodes of a scene: the meshes and their transforms.
 
 use glam::{DMat4, DQuat, DVec3, DVec4};
-use gltf::json::{Index, Mesh, Node};
+use gltf::json::{Index, Mesh};
 
 use super::super::Fault;
-use super::document::{Document, get};
+use super::document::{Document, Node, get};
 
 /// Calls `each` for every mesh of the default scene, or of all root nodes if there is none, with the transform from the
 /// mesh's space to the scene's. The format allows one parent per node, so a second visit of a node is an error, and
@@ -57,14 +57,14 @@ fn local(node: &Node, index: Index<Node>) -> Result<DMat4, Fault> {
         Err(Fault::malformed(format!("node {index}"), expected, found.to_string()))
     };
     if let Some(matrix) = node.matrix {
-        let matrix = DMat4::from_cols_array(&matrix.map(f64::from));
+        let matrix = DMat4::from_cols_array(&matrix);
         if matrix.row(3) != DVec4::W {
             return wrong("a matrix whose last row is 0, 0, 0, 1", &matrix.row(3));
         }
         return Ok(matrix);
     }
-    let vector = |values: Option<[f32; 3]>, default| values.map_or(default, |v| DVec3::from_array(v.map(f64::from)));
-    let rotation = DQuat::from_array(node.rotation.unwrap_or_default().0.map(f64::from));
+    let vector = |values: Option<[f64; 3]>, default| values.map_or(default, DVec3::from_array);
+    let rotation = node.rotation.map_or(DQuat::IDENTITY, DQuat::from_array);
     // Files round quaternions, so a length of exactly 1 is not required.
     if !(0.5..2.0).contains(&rotation.length()) {
         return wrong("a rotation of length 1", &rotation);

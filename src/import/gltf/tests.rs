@@ -559,6 +559,18 @@ fn extras_may_be_of_any_type_and_numbers_may_be_floats() {
     }
 }
 
+/// Easting, height and northing with more digits than 32 bits have.
+#[test]
+fn transforms_of_nodes_keep_the_digits_of_the_file() {
+    let place = [500_000.125, 312.7, -5_000_000.062_5];
+    let matrix =
+        [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [place[0], place[1], place[2], 1.0]];
+    for (name, value) in [("translation", json!(place)), ("matrix", json!(matrix.concat()))] {
+        let [first, ..] = seen(&with(&[(format!("/nodes/0/{name}").as_str(), value)])).triangles[0];
+        assert_eq!(first.position.to_array(), [place[0] + 1.0, place[1], place[2]], "{name}");
+    }
+}
+
 #[test]
 fn scenes_may_lack_nodes() {
     assert_eq!(corners(&seen(&with(&[("/scenes/-", json!({"name": "unused"}))]))), QUAD);
