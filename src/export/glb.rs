@@ -23,7 +23,9 @@ const TRIANGLE_BYTES: u64 = 12;
 const OTHER_BYTES: u64 = 1 << 16;
 
 /// Writes `mesh` as one binary glTF file: a mesh without lighting (`KHR_materials_unlit`), since its colors are those that
-/// the scene shows. Colors are linear, as glTF's are. The vertices keep their axes, and the node turns `up` to glTF's +y.
+/// the scene shows. Colors are linear, as glTF's are. The vertices keep their axes, and the node turns `up` to glTF's +y. If
+/// 32 bits are too few for the positions ([`Mesh::coarse_coordinates`]), they are relative to a place in the middle, to which
+/// the node moves them.
 ///
 /// # Errors
 ///
@@ -40,9 +42,13 @@ pub fn write_glb(mesh: &Mesh, up: DVec3, mut out: impl Write) -> Result<(), Erro
             json!({"buffer": 0, "byteOffset": start, "byteLength": binary.len() as u64 - start, "target": target}),
         );
     };
+    let turn = DQuat::from_rotation_arc(up, DVec3::Y);
+    // In numbers of 32 bits, since many programs hold transforms so.
+    let translation = mesh.coarse_coordinates().map(|coarse| (turn * coarse.middle()).as_vec3().as_dvec3());
+    let place = translation.map_or(DVec3::ZERO, |translation| turn.inverse() * translation);
     let mut bounds = Aabb::EMPTY;
     for position in &mesh.positions {
-        let position = position.as_vec3();
+        let position = (position - place).as_vec3();
         bounds = bounds.union(&Aabb::from_points([position.as_dvec3()]));
         binary.extend(position.to_array().map(f32::to_le_bytes).as_flattened());
     }
@@ -61,13 +67,16 @@ pub fn write_glb(mesh: &Mesh, up: DVec3, mut out: impl Write) -> Result<(), Erro
     }
     view(&binary, INDICES);
     let [min, max] = [bounds.min, bounds.max].map(|corner| corner.to_array());
-    let turn = DQuat::from_rotation_arc(up, DVec3::Y).to_array();
+    let mut node = json!({"mesh": 0, "rotation": turn.to_array()});
+    if let Some(translation) = translation {
+        node["translation"] = json!(translation.to_array());
+    }
     let document = json!({
         "asset": {"version": "2.0", "generator": "strivec"},
         "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
         "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "rotation": turn}],
+        "nodes": [node],
         "materials": [{
             "pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1},
             "extensions": {"KHR_materials_unlit": {}},

@@ -12,6 +12,8 @@ use super::layers::for_each_layer;
 /// The level of a vertex where there is nothing.
 pub(super) const NOTHING: f32 = f32::NEG_INFINITY;
 
+/// The most cells along the longest edge of a grid.
+pub(super) const MAX_RESOLUTION: u32 = 2048;
 /// The most vertices of a surface; with their triangles, normals and colors they take 2.5 GB.
 const MAX_VERTICES: u64 = 1 << 25;
 /// Vertices stay this far from the ends of their edge, in cells, so that no triangle shrinks to a point.

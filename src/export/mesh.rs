@@ -2,6 +2,9 @@
 
 use glam::DVec3;
 
+use super::CoarseCoordinates;
+use strivec_format::geometry::Aabb;
+
 /// A triangle mesh. A mesh without triangles is a point cloud.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
@@ -34,6 +37,16 @@ pub(super) fn normals(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3>
 }
 
 impl Mesh {
+    /// The box around the positions.
+    pub fn bounds(&self) -> Aabb {
+        Aabb::from_points(self.positions.iter().copied())
+    }
+
+    /// The positions, if 32 bits hold them too coarsely.
+    pub fn coarse_coordinates(&self) -> Option<CoarseCoordinates> {
+        CoarseCoordinates::of(&self.bounds())
+    }
+
     /// The area of each vertex: a third of that of its triangles.
     pub(super) fn areas_of_vertices(&self) -> Vec<f64> {
         let mut areas = vec![0.0; self.positions.len()];

@@ -18,7 +18,8 @@ const OPACITY: f64 = 0.9;
 const HIGHER_DEGREES: usize = 45;
 
 /// Writes a splat for each vertex of `mesh`, which must have triangles: flat, along the surface, as large as the vertex's
-/// part of it, of the vertex's color in all directions. Trainers can start from the file.
+/// part of it, of the vertex's color in all directions. Trainers can start from the file. All numbers have 32 bits, since
+/// programs that show splats read no others ([`Mesh::coarse_coordinates`]).
 ///
 /// # Errors
 ///

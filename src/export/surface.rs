@@ -3,7 +3,7 @@
 use glam::{DVec3, UVec3};
 
 use super::layers::{BLOCK, vertices_of_block};
-use super::marching::{NOTHING, march};
+use super::marching::{MAX_RESOLUTION, NOTHING, march};
 use super::mesh::{normals, remove_small_parts};
 use super::sampling::{Sampler, farthest};
 use super::shading::{Shader, ray_against};
@@ -12,8 +12,6 @@ use strivec_format::geometry::{Aabb, Contraction};
 use strivec_format::model::{Rules, Scene};
 use strivec_format::{Invalid, Place};
 
-/// The most cells along the longest edge.
-const MAX_RESOLUTION: u32 = 2048;
 /// How far in front of a vertex the ray begins that finds its color, in march steps.
 const STEPS_IN_FRONT: f64 = 2.0;
 

@@ -20,18 +20,18 @@ use strivec_format::model::{Occupancy, ReferenceField, Scene};
 use strivec_import::testing::{Seen, seen_with};
 use strivec_import::{Fault, Input, ReadOptions, Visitor, arrays, gltf, obj, ply};
 
-type Read = fn(&mut Input<'_>, &ReadOptions, &mut dyn Visitor) -> Result<(), Fault>;
+pub(super) type Read = fn(&mut Input<'_>, &ReadOptions, &mut dyn Visitor) -> Result<(), Fault>;
 
-fn read_glb(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+pub(super) fn read_glb(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     gltf::read(input, &|name| Err(Fault::broken(name, "no other file is needed")), options, visitor)
 }
 
-fn seen(bytes: &[u8], read: Read) -> Seen {
+pub(super) fn seen(bytes: &[u8], read: Read) -> Seen {
     seen_with(bytes, &ReadOptions::default(), read).unwrap()
 }
 
 /// A scene whose tensors are a ball of random densities, turned and moved in dataset space.
-fn scene() -> Scene {
+pub(super) fn scene() -> Scene {
     let mut scene = scenes::scene(&scenes::config());
     scene.frame.model_from_dataset = Similarity {
         scale: 0.5,
@@ -41,16 +41,16 @@ fn scene() -> Scene {
     scene
 }
 
-fn options() -> SurfaceOptions {
+pub(super) fn options() -> SurfaceOptions {
     SurfaceOptions { resolution: 40, alpha: 0.02, ..SurfaceOptions::default() }
 }
 
-fn mesh_of(scene: &Scene, options: &SurfaceOptions) -> Mesh {
+pub(super) fn mesh_of(scene: &Scene, options: &SurfaceOptions) -> Mesh {
     surface(scene, options, &|_, _| {}).unwrap()
 }
 
 /// Fails unless `check` fails, on a planted difference.
-fn notices(check: impl FnOnce()) {
+pub(super) fn notices(check: impl FnOnce()) {
     assert!(catch_unwind(AssertUnwindSafe(check)).is_err(), "a planted difference goes unnoticed");
 }
 

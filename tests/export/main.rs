@@ -4,5 +4,6 @@ mod checkpoints;
 #[path = "../data/mod.rs"]
 mod data;
 mod formats;
+mod geographic;
 #[path = "../scenes/mod.rs"]
 mod scenes;
