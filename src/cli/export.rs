@@ -5,6 +5,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use glam::DVec3;
 use serde::Serialize;
 
 use super::output::write_atomically_with;
@@ -15,7 +16,9 @@ use super::{Context, Error, check_output, scene_file, write_atomically};
 use strivec_checkpoints::authors::{AuthorsFiles, authors_files};
 use strivec_checkpoints::tensorf_checkpoint;
 use strivec_export as interop;
-use strivec_export::{DvgoOptions, OccupancyOptions, Space, SurfaceOptions, dvgo_checkpoint, surface};
+use strivec_export::{
+    CoarseCoordinates, DvgoOptions, OccupancyOptions, Space, SurfaceOptions, dvgo_checkpoint, surface,
+};
 use strivec_format::digits::grouped;
 use strivec_format::escape::escaped_path;
 use strivec_format::geometry::Aabb;
@@ -45,8 +48,10 @@ scaleS_density and scaleS_appearance [tensor][vertex of x, then y, then z][compo
 the vector, then the matrix), scaleS_matrix [feature][component], scaleS_centers, scaleS_half_edge, scaleS_resolution, \
 scaleS_top_k, decoderL_weights, decoderL_bias, occupancy [z][y][x] with occupancy_bounds, bounds, and the rules' numbers.
 
-Coordinates are those of the photographs' cameras; the node of a .glb turns the scene upright. Of an unbounded scene the \
-inner cube alone is exported; meshes, points and splats also have its surroundings with --surroundings.";
+Coordinates are those of the photographs' cameras; the node of a .glb turns the scene upright. Far from the origin, as in UTM \
+coordinates, 32 bits are too few: then a .ply of triangles or points has doubles, a .obj more digits, and the node of a .glb \
+moves the scene to its place. Splats and checkpoints have 32 bits alone; a warning states how far apart their coordinates are. \
+Of an unbounded scene the inner cube alone is exported; meshes, points and splats also have its surroundings with --surroundings.";
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -174,6 +179,9 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let (scene_file, _) = scene_file::read(&args.file, &session.console)?;
     let start = Instant::now();
     let contents = export(kind, &extension, &scene_file.scene, args, session)?;
+    if let Some(warning) = rounding(kind, &contents, &scene_file.scene, args) {
+        session.console.say(&warning);
+    }
     let report = Report { file: &args.output, kind, contents, seconds: start.elapsed().as_secs_f64() };
     session.console.result(&report, text)
 }
@@ -207,7 +215,7 @@ fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Con
                 (_, "glb") => interop::write_glb(&mesh, space.up(&scene.frame), file),
                 _ => Ok(interop::write_ply(&mesh, file)?),
             })?;
-            let bounds = corners(&Aabb::from_points(mesh.positions.iter().copied()));
+            let bounds = corners(&mesh.bounds());
             Ok(ExportContents::Surface { vertices: mesh.positions.len(), triangles: mesh.triangles.len(), bounds })
         }
         Kind::Occupancy => {
@@ -252,6 +260,33 @@ fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Con
             Ok(ExportContents::Parameters { parameters: scene.parameter_count() })
         }
     }
+}
+
+/// A warning if the format of this kind rounds the coordinates of `contents` too much.
+fn rounding(kind: Kind, contents: &ExportContents, scene: &Scene, args: &Args) -> Option<String> {
+    let space = match kind {
+        Kind::Tensorf | Kind::Authors => Space::Dataset,
+        _ => args.space.into(),
+    };
+    let coarse = match (kind, contents) {
+        (Kind::Splats, &ExportContents::Surface { bounds: [min, max], .. }) => {
+            CoarseCoordinates::of(&Aabb { min: min.into(), max: max.into() })
+        }
+        (Kind::Dvgo | Kind::Tensorf | Kind::Authors, _) => CoarseCoordinates::of_scene(scene, space),
+        _ => None,
+    }?;
+    let CoarseCoordinates { bounds, spacing } = coarse;
+    let [spacing, farthest, edge] =
+        [spacing, bounds.min.abs().max(bounds.max.abs()).max_element(), bounds.size().max_element()].map(short);
+    let mut text = format!(
+        "warning: {}: numbers of this format have 32 bits and are {spacing} apart near {farthest}, in a scene of length {edge}",
+        args.output.display()
+    );
+    if space == Space::Dataset {
+        let [x, y, z] = (DVec3::ZERO - coarse.middle()).to_array();
+        text += &format!("; `strivec-pack transform --move {x},{y},{z}` brings a copy to the origin");
+    }
+    Some(text)
 }
 
 /// The smallest and the largest corner of `bounds`.

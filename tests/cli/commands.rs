@@ -428,3 +428,33 @@ fn exports_are_of_the_kind_of_their_extension() {
     assert!(empty.contains("b.ply: no density has a surface at an --alpha of 0.02; "), "{empty}");
     assert_eq!(fs::read_dir(&folder).unwrap().count(), 7, "nothing is left of what failed");
 }
+
+#[test]
+fn exports_far_from_the_origin_warn_if_their_format_has_32_bits_alone_and_say_how_to_move_the_scene() {
+    let folder = TempDir::new().unwrap();
+    let fixture = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1/explicit.strivec");
+    let moved = |from: &str, to: &str, by: &str| {
+        printed(&pack(folder.path(), &["transform", from, "-o", to, "--force", "--move", by]));
+    };
+    moved(fixture, "far.strivec", "500000,5000000,300");
+    let warning = |scene: &str, output: &str, more: &[&str]| {
+        let arguments = ["export", scene, "--force", "--resolution", "12", "--alpha", "0.02", "-o", output];
+        let output = strivec(folder.path(), &[&arguments[..], more].concat());
+        assert_eq!(code(&output), 0, "{}", text(&output.stderr));
+        text(&output.stderr).lines().find(|line| line.starts_with("warning: ")).map(str::to_owned)
+    };
+    let points = ("points.ply", &["--as", "points"][..]);
+    for (output, more) in [("a.ply", &[][..]), ("a.obj", &[]), ("a.glb", &[]), points, ("a.npz", &[])] {
+        assert_eq!(warning("far.strivec", output, more), None, "{output}");
+    }
+    for (output, more) in [("splats.ply", &["--as", "splats"][..]), ("a.tar", &[])] {
+        let told = warning("far.strivec", output, more).expect("a warning");
+        let start = format!("warning: {output}: numbers of this format have 32 bits and are 0.5 apart near 50000");
+        assert!(told.starts_with(&start), "{told}");
+        assert_eq!(warning("far.strivec", output, &[more, &["--space", "model"]].concat()), None, "{output}");
+        let (_, command) = told.split_once("`strivec-pack transform --move ").expect("a command");
+        let (by, _) = command.split_once('`').expect("its end");
+        moved("far.strivec", "near.strivec", by);
+        assert_eq!(warning("near.strivec", output, more), None, "{output}, moved by {by}");
+    }
+}
