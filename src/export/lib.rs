@@ -1,8 +1,8 @@
 //! A scene as other programs' files: meshes, point clouds, splats, grids and arrays, and a checkpoint of DVGO.
 //!
-//! In: a [`strivec_format::model::Scene`]. Out: a [`Mesh`] of its surface, and writers of bytes. Coordinates are in the space of the
-//! dataset's cameras or in model space ([`Space`]), in 32 bits where these are enough ([`CoarseCoordinates`]). The field is queried at points alone, so nothing here depends on how
-//! factors are held.
+//! In: a [`strivec_format::model::Scene`]. Out: a [`Mesh`] of its surface, and writers of bytes. Coordinates are in the space of
+//! the dataset's cameras or in model space ([`Space`]), in 32 bits where these are enough ([`CoarseCoordinates`]). The field is
+//! queried at points alone, so nothing here depends on how factors are held.
 #![forbid(unsafe_code)]
 
 mod coordinates;

@@ -1,6 +1,6 @@
 //! The nodes of a scene: the meshes and their transforms.
 
-use glam::{DMat4, DQuat, DVec3, DVec4};
+use glam::{DMat4, DQuat, DVec3, Vec4};
 use gltf::json::{Index, Mesh};
 
 use super::super::Fault;
@@ -58,7 +58,8 @@ fn local(node: &Node, index: Index<Node>) -> Result<DMat4, Fault> {
     };
     if let Some(matrix) = node.matrix {
         let matrix = DMat4::from_cols_array(&matrix);
-        if matrix.row(3) != DVec4::W {
+        // Files round matrices, to 32 bits as well.
+        if matrix.row(3).as_vec4() != Vec4::W {
             return wrong("a matrix whose last row is 0, 0, 0, 1", &matrix.row(3));
         }
         return Ok(matrix);
