@@ -45,9 +45,9 @@ deny_version=0.20.2
 # Later pyarrow needs NumPy 2, and the PyTorch of Debian 12 NumPy 1.
 python_packages=(
     numpy zstandard python-xlib kaitaistruct==0.11
-    nbclient ipykernel anywidget fsspec "pyarrow<20" ray
+    nbclient ipykernel anywidget fsspec aiohttp "pyarrow<20" ray
 )
-python_modules=(numpy zstandard Xlib kaitaistruct nbclient ipykernel anywidget fsspec pyarrow ray)
+python_modules=(numpy zstandard Xlib kaitaistruct nbclient ipykernel anywidget fsspec aiohttp pyarrow ray)
 # The library that the player's window opens at run time, and the package that holds it.
 window_libraries=(
     libX11-xcb.so.1:libx11-xcb1 libXcursor.so.1:libxcursor1 libXi.so.6:libxi6 libxkbcommon-x11.so.0:libxkbcommon-x11-0

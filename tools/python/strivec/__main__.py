@@ -31,7 +31,7 @@ def _publish(words: "list[str]") -> int:
     parser.add_argument("scene", help="scene file")
     parser.add_argument("output", help="folder, or file that ends in .html")
     parser.add_argument("--title", help="title of the page (default: the dataset's name)")
-    parser.add_argument("--force", action="store_true", help="overwrite what exists")
+    parser.add_argument("--force", action="store_true", help="replace the file, or the files in the folder that publish wrote")
     arguments = parser.parse_args(words)
     from .publish import publish
 

@@ -1,12 +1,18 @@
 """Batches, if the extra `ray` is installed."""
 
 import errno
+import http.server
+import io
 import json
+import os
 import pathlib
 import sys
+import tarfile
 import tempfile
+import threading
 import unittest
 import zipfile
+from unittest import mock
 
 from common import ROOT, optional, strivec
 
@@ -60,6 +66,48 @@ class FullFileSystem(MemoryFileSystem):
         raise OSError(errno.ENOSPC, "No space left on device")
 
 
+class ListingFileSystem(fsspec.AbstractFileSystem):
+    """A store of objects, whose keys are any text; all have the content `b"data"`."""
+
+    protocol = "listing"
+    keys = []
+    cachable = False
+
+    @classmethod
+    def _strip_protocol(cls, path):
+        return path.split("://", 1)[-1]
+
+    def find(self, path, maxdepth=None, withdirs=False, detail=False, **options):
+        return {key: {"name": key, "size": 4, "type": "file"} for key in self.keys}
+
+    def get_file(self, remote, local, **options):
+        if remote not in self.keys:
+            raise FileNotFoundError(remote)
+        pathlib.Path(local).write_bytes(b"data")
+
+
+class Pages(http.server.BaseHTTPRequestHandler):
+    """A web server whose index links to a file outside of its folder."""
+
+    index = b'<a href="transforms.json">a</a> <a href="../../../outside">b</a>'
+
+    def do_HEAD(self):
+        self.do_GET()
+
+    def do_GET(self):
+        is_index = self.path.rstrip("/") == "/kitchen"
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html" if is_index else "text/plain")
+        self.send_header("Content-Length", str(len(self.index if is_index else b"data")))
+        self.end_headers()
+        if self.command == "GET":
+            self.wfile.write(self.index if is_index else b"data")
+
+    def log_message(self, *arguments):
+        pass
+
+
+fsspec.register_implementation("listing", ListingFileSystem, clobber=True)
 fsspec.register_implementation("flaky", FlakyFileSystem, clobber=True)
 fsspec.register_implementation("full", FullFileSystem, clobber=True)
 
@@ -117,6 +165,63 @@ class Batches(unittest.TestCase):
         self.assertEqual(here.read("x"), b"before")
         self.assertEqual([path.name for path in self.path.iterdir()], ["x"])
 
+    def test_an_upload_is_on_the_disk_before_it_counts(self):
+        (self.path / "local").write_bytes(b"data")
+        synced = []
+        with mock.patch.object(os, "fsync", lambda handle: synced.append(os.fstat(handle).st_ino)):
+            store.Store(str(self.path / "store")).upload(self.path / "local", "folder/x")
+        uploaded = self.path / "store" / "folder" / "x"
+        self.assertEqual(uploaded.read_bytes(), b"data")
+        self.assertEqual(synced, [uploaded.stat().st_ino, uploaded.parent.stat().st_ino])
+
+    def listed(self, *keys, url="listing://bucket/kitchen"):
+        """The names of the files in the local copy of a folder that the store lists as `keys`."""
+        with mock.patch.object(ListingFileSystem, "keys", keys), mock.patch.object(tempfile, "tempdir", str(self.path)):
+            with store.Input(url).local() as folder:
+                return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+    def test_keys_of_objects_stay_within_their_folder(self):
+        own = "bucket/kitchen/transforms.json"
+        self.assertEqual(self.listed(own, "bucket/kitchen/train/a.png"), ["train/a.png", "transforms.json"])
+        # The folder itself, as some stores list it.
+        self.assertEqual(self.listed("bucket/kitchen", "bucket/kitchen/", "bucket/kitchen/train/", own), ["transforms.json"])
+        for key in (
+            "bucket/kitchen/../outside",
+            "bucket/kitchen/../../../outside",
+            "bucket/kitchen//etc/outside",
+            "bucket/kitchen/..\\..\\outside",
+            "bucket/kitchen/C:\\outside",
+            "bucket/kitchen/%2e%2e/outside",
+            "bucket/kitchen/https://other/outside",
+            "bucket/other/outside",
+            "https://other/kitchen/outside",
+        ):
+            with self.subTest(key), self.assertRaises(strivec.MalformedError) as caught:
+                self.listed(own, key)
+            self.assertRegex(str(caught.exception), "listing://bucket/kitchen: the name .*outside' leads out of the folder ")
+            self.assertEqual(list(self.path.iterdir()), [])
+        with self.assertRaisesRegex(strivec.MalformedError, "not the name of a file"):
+            self.listed(own, "bucket/kitchen/a\0b")
+
+    def test_the_last_part_of_an_address_stays_within_its_folder(self):
+        with self.assertRaisesRegex(strivec.MalformedError, "leads out of the folder"):
+            self.listed("bucket/..", url="listing://bucket/..")
+        self.assertEqual(list(self.path.iterdir()), [])
+
+    def test_links_of_web_pages_stay_within_their_folder(self):
+        optional("aiohttp")
+        server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Pages)
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        self.addCleanup(server.server_close)
+        self.addCleanup(server.shutdown)
+        folder = self.path / "a" / "b" / "c"
+        folder.mkdir(parents=True)
+        with mock.patch.object(tempfile, "tempdir", str(folder)):
+            with self.assertRaisesRegex(strivec.MalformedError, f":{server.server_port}/kitchen: .*leads out of the folder"):
+                with store.Input(f"http://127.0.0.1:{server.server_port}/kitchen").local():
+                    pass
+        self.assertEqual([path for path in self.path.rglob("*") if path.is_file()], [])
+
     def test_identities_are_those_of_contents(self):
         cache = store.Store(str(self.path / "cache"))
         for name in ("a", "b"):
@@ -129,7 +234,7 @@ class Batches(unittest.TestCase):
         with self.assertRaisesRegex(strivec.InputError, "absent"):
             store.Input(str(self.path / "absent")).identity(cache)
 
-    def test_archives_are_unpacked_and_stay_within_their_folder(self):
+    def test_archives_are_unpacked(self):
         (scene,) = measured.datasets(self.path, 1, 16)
         archive = self.path / "data.zip"
         with zipfile.ZipFile(archive, "w") as packed:
@@ -137,10 +242,33 @@ class Batches(unittest.TestCase):
                 packed.write(file, f"data/{file.relative_to(scene)}")
         with store.Input(str(archive)).local() as folder:
             self.assertEqual(strivec.dataset(folder)["splits"][0]["photographs"], 12)
-        with zipfile.ZipFile(archive, "w") as packed:
-            packed.writestr("../../outside", "x")
-        with store.Input(str(archive)).local() as folder:
-            self.assertEqual([path.name for path in folder.iterdir()], ["outside"])
+
+    def test_entries_of_archives_stay_within_their_folder(self):
+        def unpacked(name):
+            with store.Input(str(self.path / name)).local() as folder:
+                return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*"))
+
+        def tar(*members):
+            with tarfile.open(self.path / "data.tar", "w") as packed:
+                for name, kind, link in members:
+                    member = tarfile.TarInfo(name)
+                    member.type, member.linkname = kind, link
+                    packed.addfile(member, io.BytesIO())
+
+        for name in ("../../outside", "/outside", "a/../../outside", "..\\outside", "C:\\outside"):
+            with zipfile.ZipFile(self.path / "data.zip", "w") as packed:
+                packed.writestr(name, "x")
+            tar((name, tarfile.REGTYPE, ""))
+            for archive in ("data.zip", "data.tar"):
+                with self.subTest(name, archive=archive), self.assertRaises(strivec.MalformedError) as caught:
+                    unpacked(archive)
+                self.assertRegex(str(caught.exception), f"{archive}: the name .*outside' leads out of the folder ")
+        for kind, link in ((tarfile.SYMTYPE, "../../outside"), (tarfile.SYMTYPE, "/outside"), (tarfile.LNKTYPE, "../outside")):
+            tar(("a/link", kind, link))
+            with self.subTest(link), self.assertRaisesRegex(strivec.MalformedError, "outside' leads out of the folder "):
+                unpacked("data.tar")
+        tar((".", tarfile.DIRTYPE, ""), ("./a", tarfile.REGTYPE, ""), ("./b", tarfile.SYMTYPE, "a"))
+        self.assertEqual(unpacked("data.tar"), ["a", "b"] if hasattr(tarfile, "data_filter") else ["a"])
 
     def test_stages_of_one_scene_without_ray(self):
         (scene,) = measured.datasets(self.path, 1, 24)
@@ -223,6 +351,11 @@ class Batches(unittest.TestCase):
     def test_texts_of_files_are_harmless_in_the_gallery(self):
         self.assertEqual(report.safe("<b>\u202e\n"), "&lt;b&gt;\\u202e\\n")
         self.assertEqual(report.printable("\x1b[2J"), "\\x1b[2J")
+
+    def test_the_gallery_runs_no_scripts(self):
+        report.write(store.Store(str(self.path)), [schedule.Progress(specification.Job("a", "data"), [], state="failed", error="none")])
+        page = (self.path / "index.html").read_text(encoding="utf-8")
+        self.assertRegex(page, "<meta http-equiv=\"Content-Security-Policy\" content=\"script-src 'none'; ")
 
 
 if __name__ == "__main__":

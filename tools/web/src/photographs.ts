@@ -113,6 +113,8 @@ function framesOf(name: string, text: string): Frame[] {
       throw wrong(`frame ${n} needs file_path and a transform_matrix of 16 numbers`);
     }
     const path = frame.file_path.replaceAll("\\", "/").replace(/^(\.\/)+/, "");
+    // Of a page it would be a request to any server: `//host/a.png` has the address of another.
+    if (path.startsWith("/")) throw wrong(`frame ${n}: file_path must be relative; found ${path}`);
     return { path: /\.(png|jpe?g)$/i.test(path) ? path : `${path}.png`, pose };
   });
 }

@@ -203,6 +203,12 @@ test("training cameras can be chosen, and their photographs blended in", async (
     const accepted = await viewer.call((v, text) => v.photographs([new File([text], "transforms.json")]), bent);
     assert.equal(accepted, false);
     assert.match(await viewer.message(), /transforms.json: the photographs have a lens/);
+    for (const file_path of ["//host/a.png", "\\\\host\\a.png"]) {
+      const elsewhere = JSON.stringify({ frames: [{ file_path, transform_matrix: rows }] });
+      const taken = await viewer.call((v, text) => v.photographs([new File([text], "transforms.json")]), elsewhere);
+      assert.equal(taken, false);
+      assert.match(await viewer.message(), /frame 0: file_path must be relative; found \/\/host\/a.png/);
+    }
     await viewer.page.close();
   } finally {
     await own.close();

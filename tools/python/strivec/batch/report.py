@@ -14,6 +14,8 @@ from .schedule import Progress
 from .stages import summary
 from .store import Store
 
+_POLICY = "script-src 'none'; connect-src 'none'; frame-src 'none'; object-src 'none'; base-uri 'none'; form-action 'none'"
+"""The gallery's Content-Security-Policy: pictures and links, but nothing that runs."""
 _STYLE = """
 body { font: 15px/1.4 system-ui, sans-serif; margin: 2rem; background: #16161a; color: #e6e6ea; }
 main { display: grid; grid-template-columns: repeat(auto-fill, minmax(15rem, 1fr)); gap: 1rem; }
@@ -79,7 +81,9 @@ def _gallery(jobs: List[Progress], rows: List[Dict[str, Any]]) -> str:
     made = sum(row["state"] == "done" for row in rows)
     articles = "\n".join(_article(one, row) for one, row in zip(jobs, rows))
     return f"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>{made} of {len(rows)} scenes</title><style>{_STYLE}</style></head>
+<html lang="en"><head><meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<title>{made} of {len(rows)} scenes</title><style>{_STYLE}</style></head>
 <body><h1>{made} of {len(rows)} scenes</h1><main>
 {articles}
 </main></body></html>

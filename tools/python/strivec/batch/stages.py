@@ -9,7 +9,6 @@ import resource
 import shutil
 import socket
 import sys
-import tempfile
 import time
 import uuid
 from contextlib import ExitStack, suppress
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import Any, Callable, Dict, List, Tuple
 
 from .. import commands
+from .._files import scratch
 from .._strivec import VERSION
 from ..errors import Error
 from ..scene import Scene
@@ -153,9 +153,9 @@ def _thumbnail(work: Work) -> Facts:
         target.write_bytes(scene.thumbnail[1])
     else:
         options = {"orbit": 1, "size": "256x256", **work.options("thumbnail")}
-        with tempfile.TemporaryDirectory() as folder:
-            commands.command("render", work.inputs["packed.strivec"], out=folder, **options)
-            shutil.copyfile(sorted(Path(folder).glob("*.png"))[0], target)
+        folder = work.folder / "pictures"
+        commands.command("render", work.inputs["packed.strivec"], out=folder, **options)
+        shutil.copyfile(sorted(folder.glob("*.png"))[0], target)
     return {}
 
 
@@ -223,9 +223,9 @@ def run(url: str, job: Job, name: str, done: Dict[str, str], cores: int) -> Done
     store.write_json(f"runs/{name}/{key}/{uuid.uuid4().hex}.json", begun)
 
     with ExitStack() as stack:
-        scratch = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=f"strivec-{name}-")))
-        inputs = _inputs(store, job, stage, done, scratch, stack)
-        folder = scratch / "result"
+        temporary = stack.enter_context(scratch())
+        inputs = _inputs(store, job, stage, done, temporary, stack)
+        folder = temporary / "result"
         folder.mkdir()
         work = Work(store, job, key, cores, inputs, folder)
         start = time.perf_counter()
@@ -256,14 +256,14 @@ def run(url: str, job: Job, name: str, done: Dict[str, str], cores: int) -> Done
 
 
 def _inputs(
-    store: Store, job: Job, stage: Stage, done: Dict[str, str], scratch: Path, stack: ExitStack
+    store: Store, job: Job, stage: Stage, done: Dict[str, str], temporary: Path, stack: ExitStack
 ) -> Dict[str, Path]:
     """The files that `stage` reads, on this machine, by their names."""
     inputs: Dict[str, Path] = {}
     for name in stage.needs:
         if name in done:
             for file in STAGES[name].files:
-                inputs[file] = scratch / file
+                inputs[file] = temporary / file
                 store.download(f"objects/{name}/{done[name]}/{file}", inputs[file])
     for kind in stage.reads:
         if kind == "prior":
@@ -281,10 +281,10 @@ def publish(url: str, job: Job, done: List[Done]) -> Facts:
     """Puts the results of a job where people look; returns the facts of its row."""
     store = Store(url)
     keys, row = {one.stage: one.key for one in done}, summary(job, done)
-    with tempfile.TemporaryDirectory() as folder:
+    with scratch() as folder:
         for stage, published in (("pack", row["file"]), ("thumbnail", row["picture"])):
             (file,) = STAGES[stage].files
-            local = Path(folder) / file
+            local = folder / file
             store.download(f"objects/{stage}/{keys[stage]}/{file}", local)
             store.upload(local, published)
     store.write_json(f"scenes/{job.name}.json", {"row": row, "keys": keys})

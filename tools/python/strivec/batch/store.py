@@ -8,7 +8,8 @@
     failed/NAME.json            scenes that could not be made, and why
 
 A key is the digest of a stage's inputs, settings and version, so a result that exists is the result. Files appear whole: stores of
-objects write so, and in folders a file is written under another name and renamed.
+objects write so, and in folders a file is written under another name, synced and renamed. Names in inputs are untrusted: a file is
+fetched or unpacked only if its name stays in its folder.
 """
 
 from __future__ import annotations
@@ -18,19 +19,19 @@ import errno
 import hashlib
 import json
 import os
+import posixpath
 import random
 import shutil
 import tarfile
-import tempfile
 import time
-import uuid
 import zipfile
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterator, Optional, TypeVar
+from typing import Any, Callable, ContextManager, Dict, Iterator, List, Optional, Tuple, TypeVar
 
 import fsspec
 from fsspec.implementations.local import LocalFileSystem
 
+from .._files import inside, leads_out, replacing, scratch
 from ..errors import InputError
 
 T = TypeVar("T")
@@ -41,10 +42,13 @@ FIRST_WAIT = 0.1
 """Seconds before the second; each wait is twice as long."""
 
 
-_LASTING = (FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError, TypeError, ValueError)
+_LASTING = (FileExistsError, FileNotFoundError, IsADirectoryError, NotADirectoryError, PermissionError, TypeError, ValueError)
 """Failures that another try does not mend."""
 _FULL = (errno.EDQUOT, errno.ENOSPC)
 """Those of a full disk."""
+_CHECKS_LINKS = hasattr(tarfile, "data_filter")
+"""Whether this Python checks the links in an archive as it follows them: all do since 3.12, older ones since a later release. Without,
+links are left out."""
 
 
 def digest(value: Any) -> str:
@@ -99,11 +103,8 @@ class Store:
             if not self.is_local:
                 self.fs.pipe_file(self.path(name), data)
                 return
-            with self._renamed(name) as partial:
-                with open(partial, "wb") as file:
-                    file.write(data)
-                    file.flush()
-                    os.fsync(file.fileno())
+            with self._replacing(name) as partial:
+                partial.write_bytes(data)
 
         tried(self.place(name), write)
 
@@ -114,19 +115,15 @@ class Store:
             if not self.is_local:
                 self.fs.put_file(str(local), self.path(name))
                 return
-            with self._renamed(name) as partial:
+            with self._replacing(name) as partial:
                 shutil.copyfile(local, partial)
 
         tried(self.place(name), write)
 
     def download(self, name: str, local: Path) -> None:
         """Copies the file `name` to a local one, which appears whole."""
-        partial = local.with_name(f".{local.name}-{uuid.uuid4().hex}")
-        try:
+        with replacing(local) as partial:
             tried(self.place(name), lambda: self.fs.get_file(self.path(name), str(partial)))
-            os.replace(partial, local)
-        finally:
-            partial.unlink(missing_ok=True)
 
     def remove(self, name: str) -> None:
         """Removes the file `name`, if it is there."""
@@ -150,18 +147,11 @@ class Store:
         """Writes `value` as the file `name`."""
         self.write(name, json.dumps(value, indent=1, sort_keys=True).encode())
 
-    @contextlib.contextmanager
-    def _renamed(self, name: str) -> Iterator[str]:
-        """A path beside the file `name` of a local store, whose file then becomes it."""
-        path = self.path(name)
-        os.makedirs(os.path.dirname(path), exist_ok=True)
-        partial = f"{path}.{uuid.uuid4().hex}.partial"
-        try:
-            yield partial
-            os.replace(partial, path)
-        finally:
-            with contextlib.suppress(FileNotFoundError):
-                os.unlink(partial)
+    def _replacing(self, name: str) -> ContextManager[Path]:
+        """A path beside the file `name` of a local store, for a file that becomes it."""
+        path = Path(self.path(name))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        return replacing(path)
 
 
 class Input:
@@ -172,16 +162,28 @@ class Input:
         self.fs, self.root = fsspec.core.url_to_fs(self.url)
 
     def files(self) -> Dict[str, Dict[str, Any]]:
-        """What the store knows of its files, by their names in it; a single file has the name ""."""
-
-        def find() -> Dict[str, Dict[str, Any]]:
-            found = self.fs.find(self.root, detail=True)
-            return {path[len(self.root) :].lstrip("/"): info for path, info in found.items()}
-
-        files = tried(self.url, find)
+        """What the store knows of its files, by their names in it; a single file has the name "". The names are untrusted."""
+        found = tried(self.url, lambda: self.fs.find(self.root, detail=True))
+        files = {self._name(path): info for path, info in found.items() if not path.endswith("/")}
+        if len(files) > 1:
+            # Some stores list a folder as an empty file beside those in it.
+            files.pop("", None)
         if not files:
             raise InputError(f"{self.url}: there is no such file or folder, or it is empty")
         return files
+
+    def _name(self, path: str) -> str:
+        """The name of the file that the store lists as `path`."""
+        folder = self.root.rstrip("/")
+        if path == folder:
+            return ""
+        if folder and not path.startswith(f"{folder}/"):
+            raise leads_out(self.url, path, self.url)
+        return path[len(folder) + 1 :] if folder or path.startswith("/") else path
+
+    def _path(self, name: str) -> str:
+        """The address of the file `name` within its file system."""
+        return f"{self.root}/{name}" if name else self.root
 
     def identity(self, cache: Store) -> str:
         """The digest of the names and the contents of its files. Contents are read once: `cache` keeps their digests, which hold as long
@@ -201,7 +203,7 @@ class Input:
         return digest({file: sha256 for file, (_, sha256) in digests.items()})
 
     def _digest_of(self, file: str) -> str:
-        path = f"{self.root}/{file}" if file else self.root
+        path = self._path(file)
 
         def read() -> str:
             sha256 = hashlib.sha256()
@@ -221,16 +223,20 @@ class Input:
                 raise InputError(f"{self.url}: there is no such file or folder")
             yield Path(self.root)
             return
-        with tempfile.TemporaryDirectory(prefix="strivec-input-") as folder:
-            target = Path(folder) / self.root.rstrip("/").rsplit("/", 1)[-1]
+        with scratch() as folder:
+            target = inside(folder, self.root.rstrip("/").rsplit("/", 1)[-1] or "input", self.url)
             for file in self.files():
-                remote = f"{self.root}/{file}" if file else self.root
-                path = target / file if file else target
-                if target not in (path, *path.parents):
-                    raise InputError(f"{self.url}: the name {file!r} leads out of the folder")
-                path.parent.mkdir(parents=True, exist_ok=True)
-                tried(f"{self.url}/{file}", lambda remote=remote, path=path: self.fs.get_file(remote, str(path)))
-            yield _unpacked(target, Path(folder) / "unpacked", self.url) if is_archive else target
+                self._fetch(file, inside(target, file, self.url) if file else target)
+            yield _unpacked(target, folder / "unpacked", self.url) if is_archive else target
+
+    def _fetch(self, name: str, path: Path) -> None:
+        """Copies the file `name` to `path`."""
+
+        def fetch() -> None:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self.fs.get_file(self._path(name), str(path))
+
+        tried(f"{self.url}/{name}", fetch)
 
 
 def _unpacked(archive: Path, folder: Path, place: str) -> Path:
@@ -239,16 +245,37 @@ def _unpacked(archive: Path, folder: Path, place: str) -> Path:
     try:
         if archive.suffix == ".zip":
             with zipfile.ZipFile(archive) as packed:
-                _check_room(folder, sum(info.file_size for info in packed.infolist()))
+                _check_entries(folder, [(info.filename, info.file_size) for info in packed.infolist()], place)
                 packed.extractall(folder)
         else:
             with tarfile.open(archive) as packed:
-                _check_room(folder, sum(info.size for info in packed))
-                packed.extractall(folder, filter="data")
+                _check_entries(folder, [entry for info in packed for entry in _entries(info)], place)
+                if _CHECKS_LINKS:
+                    packed.extractall(folder, filter="data")
+                else:
+                    packed.extractall(folder, [info for info in packed if info.isfile() or info.isdir()])
     except (zipfile.BadZipFile, tarfile.TarError, OSError) as error:
         raise InputError(f"{place}: {_reason(error)}") from error
     entries = [entry for entry in folder.iterdir() if not entry.name.startswith(("__MACOSX", "."))]
     return entries[0] if len(entries) == 1 and entries[0].is_dir() else folder
+
+
+def _entries(info: tarfile.TarInfo) -> Iterator[Tuple[str, int]]:
+    """The name and the bytes of a member of an archive, and the name that it links to."""
+    yield info.name, info.size
+    if info.issym():
+        yield posixpath.join(posixpath.dirname(info.name), info.linkname), 0
+    elif info.islnk():
+        yield info.linkname, 0
+
+
+def _check_entries(folder: Path, entries: List[Tuple[str, int]], place: str) -> None:
+    """Refuses `entries`, names and bytes, that would not stay in `folder` or have no room there."""
+    _check_room(folder, sum(size for _, size in entries))
+    for name, _ in entries:
+        # Archives may list their own folder.
+        if posixpath.normpath(name) != ".":
+            inside(folder, name, place)
 
 
 def _check_room(folder: Path, needed: int) -> None:
