@@ -27,7 +27,7 @@ static SCENE: LazyLock<Scene> = LazyLock::new(|| {
     let config = TrainConfig::preset("24").expect("a preset");
     ball(&config, 2).expect("a ball")
 });
-static FIELD: LazyLock<Field<f32>> = LazyLock::new(|| Field::new(&SCENE));
+static FIELD: LazyLock<Field<f32>> = LazyLock::new(|| Field::unlimited(&SCENE));
 
 /// `count` neighboring rays, row by row, that meet the ball.
 fn rays(count: usize) -> Vec<Ray> {
@@ -108,7 +108,7 @@ fn field_of_rank(rank: u32) -> Field<f32> {
     let mut config = TrainConfig::preset("24").expect("a preset");
     config.scales.truncate(2);
     config.scales.iter_mut().for_each(|scale| (scale.density_rank, scale.appearance_rank) = (rank, rank));
-    Field::new(&ball(&config, 2).expect("a ball"))
+    Field::unlimited(&ball(&config, 2).expect("a ball"))
 }
 
 /// Neighbors and density at all samples of some rays, by components of a tensor.

@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let position = scene.bounds.center() + extent * glam::DVec3::new(0.3, -1.1, 0.5);
     let camera = Camera::looking_at(SIZE, f64::from(SIZE[1]), position, scene.bounds.center(), glam::DVec3::Z);
 
-    let picture = CpuRenderer::<f32>::new(&scene).render(&camera);
+    let picture = CpuRenderer::<f32>::new(&scene)?.render(&camera);
     let colors: Vec<[f32; 3]> = picture.pixels.iter().map(|pixel| pixel.color).collect();
     std::fs::write(output, color_png(SIZE, &colors)?)?;
     Ok(())

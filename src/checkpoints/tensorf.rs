@@ -9,7 +9,10 @@ use glam::DVec3;
 use super::family::{MAX_CELLS, MAX_RANK, SceneOptions, bounds, by_row, decoder, frame, occupancy, rules};
 use super::state::{CheckpointArray, CheckpointState};
 use crate::torch::TorchFile;
-use strivec_format::model::{AppearanceMatrix, Block, Factors, Form, Placement, Provenance, Scale, Scene, TensorCloud};
+use strivec_format::container::Limits;
+use strivec_format::model::{
+    AppearanceMatrix, Block, Factors, Form, MemoryLimit, Placement, Provenance, Scale, Scene, TensorCloud,
+};
 use strivec_import::{Fault, Input};
 
 /// Reads the scene of the checkpoint `input`.
@@ -52,6 +55,7 @@ pub fn read(input: &mut Input<'_>, options: &SceneOptions) -> Result<Scene, Faul
             seed: 0,
             tool: "TensoRF".into(),
         },
+        memory: MemoryLimit(Limits::default().memory),
     };
     scene.check()?;
     Ok(scene)

@@ -12,11 +12,11 @@ use super::console::Console;
 use strivec_field::render::Pixel;
 #[cfg(feature = "gpu")]
 use strivec_field::render::gpu::{Gpu, GpuError, GpuRenderer, POSITION_ERROR, Precision};
-use strivec_field::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer};
+use strivec_field::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer, check_picture};
 use strivec_format::geometry::Camera;
 #[cfg(feature = "gpu")]
 use strivec_format::geometry::Ray;
-use strivec_format::model::Scene;
+use strivec_format::model::{ReferenceField, Scene};
 use strivec_measure as measure;
 use strivec_measure::{F32_POSITION_ERROR, Parity};
 
@@ -64,7 +64,10 @@ impl BackendOptions {
     ) -> Result<Prepared, Error> {
         let drawing = match self.backend {
             Backend::Cpu => Drawing::Cpu(Box::new(CpuRenderer::with_approximation(scene, approximation)?)),
-            Backend::Reference if approximation.is_exact() => Drawing::Reference(Box::new(scene)),
+            Backend::Reference if approximation.is_exact() => {
+                ReferenceField::check_memory(&scene)?;
+                Drawing::Reference(Box::new(scene))
+            }
             Backend::Reference => {
                 return Err(Error::Usage(
                     "--backend reference renders without approximations; leave them out, or use --backend cpu".into(),
@@ -114,6 +117,7 @@ impl From<GpuError> for Error {
     fn from(error: GpuError) -> Self {
         match error {
             GpuError::Approximation(error) => error.into(),
+            GpuError::Memory(error) => error.into(),
             _ => Self::Runtime(format!("--backend gpu: {error}")),
         }
     }
@@ -164,6 +168,7 @@ impl Prepared {
     /// The picture from `camera`, in the model's space. Fails if the graphics device does.
     pub(super) fn render(&mut self, camera: &Camera) -> Result<Picture, Error> {
         self.pictures += 1;
+        check_picture([camera.width, camera.height])?;
         match &mut self.drawing {
             Drawing::Cpu(renderer) => Ok(renderer.render(camera)),
             Drawing::Reference(scene) => Ok(ReferenceRenderer::new(scene).render(camera)),
@@ -185,9 +190,10 @@ impl Prepared {
     /// Compares this renderer with the reference's pictures of `scene` from `cameras`, in the model's space. If this is
     /// the reference, the fast renderer is compared instead. Fails if the graphics device does.
     pub(super) fn parity(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<Parity, Error> {
+        ReferenceField::check_memory(scene)?;
         match &mut self.drawing {
             Drawing::Cpu(renderer) => Ok(measure::parity(scene, renderer.as_ref(), cameras, F32_POSITION_ERROR)),
-            Drawing::Reference(_) => Ok(measure::parity(scene, &CpuRenderer::new(scene), cameras, F32_POSITION_ERROR)),
+            Drawing::Reference(_) => Ok(measure::parity(scene, &CpuRenderer::new(scene)?, cameras, F32_POSITION_ERROR)),
             #[cfg(feature = "gpu")]
             Drawing::Gpu { renderer, .. } => {
                 let reach = cameras.iter().map(|camera| camera.position.length()).fold(1.0, f64::max);

@@ -90,7 +90,7 @@ impl FileDifferences {
 /// Evaluates the files one after another and compares them view by view.
 pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     args.backend.check()?;
-    args.outputs.check(session)?;
+    let _reserved = args.outputs.check(session)?;
     let scenes: Vec<_> =
         args.files.iter().map(|file| SceneToEvaluate::read(file, session)).collect::<Result<_, _>>()?;
     let Dataset { name, views, .. } = args.photographs.load()?;

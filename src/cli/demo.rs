@@ -65,7 +65,7 @@ struct Demo {
 pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     make_folder(&args.out)?;
     let [folder, file, sheet] = ["dataset", "demo.strivec", "sheet.png"].map(|name| args.out.join(name));
-    check_outputs(&[file.clone(), sheet.clone()], session.force)?;
+    let _reserved = check_outputs(&[file.clone(), sheet.clone()], session.force)?;
 
     let start = Instant::now();
     session.console.say("making a dataset");
@@ -96,7 +96,7 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let bytes = bytes.map_err(|e| Error::container(&file, e))?;
     write_atomically(&file, &bytes, session.force)?;
 
-    let renderer = CpuRenderer::new(&scene);
+    let renderer = CpuRenderer::unlimited(&scene);
     let (mut reports, mut rows) = (Vec::new(), Vec::new());
     for view in &held_out.views {
         let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));

@@ -6,6 +6,8 @@ use std::path::Path;
 
 use strivec_capture::{dataset, prior};
 use strivec_export as interop;
+use strivec_field::render::RendererError;
+use strivec_format::model::OverMemory;
 use strivec_format::{container, named_by};
 use strivec_import as import;
 use strivec_measure as measure;
@@ -30,9 +32,12 @@ pub enum Error {
     /// Anything else. Exit code 4.
     #[error("{0}")]
     Runtime(String),
-    /// A file of another version, or that needs what this build lacks or more memory than it may take. Exit code 5.
+    /// A file of another version, or that needs what this build lacks. Exit code 5.
     #[error("{0}")]
     Unsupported(String),
+    /// More memory is needed than may be taken. Exit code 5.
+    #[error("{0}")]
+    Memory(String),
     /// Two things that were compared are not the same. Exit code 7.
     #[error("{0}")]
     Differs(String),
@@ -54,7 +59,7 @@ impl Error {
             Self::Io(_) => 2,
             Self::Malformed(_) => 3,
             Self::Runtime(_) => 4,
-            Self::Unsupported(_) => 5,
+            Self::Unsupported(_) | Self::Memory(_) => 5,
             Self::Differs(_) => 7,
             Self::WithLines { error, .. } => error.exit_code(),
         }
@@ -74,6 +79,7 @@ impl Error {
             _ => format!("{}: {error}", path.display()),
         };
         match error {
+            container::Error::Budget { .. } => Self::Memory(message),
             error if error.needs_another_reader() => Self::Unsupported(message),
             container::Error::Source { .. } => Self::Io(message),
             container::Error::Overflow { .. } | container::Error::Compression { .. } => Self::Runtime(message),
@@ -88,6 +94,7 @@ impl Error {
             let message = format!("{}: {}", path.display(), with_flags(&error));
             match error {
                 interop::Error::Setting(_) | interop::Error::TooLarge { .. } => Self::Usage(message),
+                interop::Error::Memory(error) => error.into(),
                 interop::Error::Io(_) => Self::Io(message),
                 interop::Error::Checkpoint(error) => Self::checkpoint(path)(error),
                 _ => Self::Runtime(message),
@@ -103,6 +110,19 @@ impl Error {
                 strivec_checkpoints::Error::Io(_) => Self::Io(message),
                 _ => Self::Unsupported(message),
             }
+        }
+    }
+
+    /// For `map_err` if the scene of the file `path` takes more memory than it may.
+    pub(super) fn memory(path: &Path) -> impl FnOnce(OverMemory) -> Self {
+        move |error| Self::Memory(format!("{}: {error}", path.display()))
+    }
+
+    /// For `map_err` of what prepares the scene of the file `path`: names the file in an error of memory.
+    pub(super) fn of_scene(path: &Path) -> impl FnOnce(Self) -> Self {
+        move |error| match error {
+            Self::Memory(message) => Self::Memory(format!("{}: {message}", path.display())),
+            error => error,
         }
     }
 
@@ -188,10 +208,27 @@ impl From<train::TrainError> for Error {
     fn from(error: train::TrainError) -> Self {
         let message = error.to_string();
         match error {
+            train::TrainError::Memory(error) => error.into(),
             train::TrainError::NoRays { .. }
             | train::TrainError::TooManyPixels { .. }
             | train::TrainError::Checkpoint(_) => Self::Malformed(message),
             _ => Self::Runtime(message),
+        }
+    }
+}
+
+impl From<OverMemory> for Error {
+    fn from(error: OverMemory) -> Self {
+        Self::Memory(error.to_string())
+    }
+}
+
+impl From<RendererError> for Error {
+    fn from(error: RendererError) -> Self {
+        match error {
+            RendererError::Approximation(error) => error.into(),
+            RendererError::Memory(error) => error.into(),
+            error => Self::Memory(error.to_string()),
         }
     }
 }
@@ -222,6 +259,7 @@ impl From<recipe::Error> for Error {
             recipe::Error::Train(error) => error.into(),
             recipe::Error::Thumbnail(error) => error.into(),
             recipe::Error::File(error) => error.into(),
+            recipe::Error::KeptCheckpoint { .. } => Self::Io(message),
             recipe::Error::Observer(error) => error.downcast().map_or_else(|_| Self::Runtime(message), |error| *error),
             recipe::Error::Checkpoint { .. } | recipe::Error::CheckpointScene { .. } => Self::Malformed(message),
             _ => Self::Runtime(message),

@@ -1,5 +1,6 @@
 //! `strivec eval`: compare a scene's pictures with photographs.
 
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -66,14 +67,17 @@ struct Evaluation<'a> {
 /// Renders the split's views and compares them.
 pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     args.backend.check()?;
-    args.outputs.check(session)?;
+    let _reserved = args.outputs.check(session)?;
     let scene = SceneToEvaluate::read(&args.file, session)?;
     let Dataset { name, views, .. } = args.photographs.load()?;
-    if let Some(folder) = &args.sheets {
-        make_folder(folder)?;
-        let planned: Vec<PathBuf> = views.iter().map(|view| sheet(folder, &view.name)).collect();
-        check_outputs(&planned, session.force)?;
-    }
+    let sheets = args.sheets.as_ref().map(|folder| sheets(folder, views.iter().map(|view| view.name.as_str())));
+    let _reserved_sheets = match (&args.sheets, &sheets) {
+        (Some(folder), Some(sheets)) => {
+            make_folder(folder)?;
+            check_outputs(sheets, session.force)?
+        }
+        _ => None,
+    };
 
     let evaluator = Evaluator {
         session,
@@ -84,8 +88,8 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     };
     let mut pictures = args.outputs.pictures(views.len());
     let evaluated = evaluator.evaluate(scene, &views, |view| {
-        if let Some(folder) = &args.sheets {
-            write_sheet(&sheet(folder, &view.report.name), view, session)?;
+        if let Some(sheets) = &sheets {
+            write_sheet(&sheets[view.index], view, session)?;
         }
         pictures.add(view, "")
     })?;
@@ -96,8 +100,20 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     session.console.result(&evaluation, |evaluation| text(&evaluation.evaluated))
 }
 
-fn sheet(folder: &Path, view: &str) -> PathBuf {
-    folder.join(format!("{view}.png"))
+/// \[view\] the picture of each of the views `names`. Views of several splits may have one name; the second is `NAME_2`.
+fn sheets<'a>(folder: &Path, names: impl Iterator<Item = &'a str>) -> Vec<PathBuf> {
+    let (mut taken, mut counts) = (HashSet::new(), HashMap::new());
+    let unique = |name: &str| {
+        let count = counts.entry(name.to_owned()).or_insert(0_u32);
+        loop {
+            *count += 1;
+            let unique = if *count == 1 { name.to_owned() } else { format!("{name}_{count}") };
+            if taken.insert(unique.clone()) {
+                return folder.join(format!("{unique}.png"));
+            }
+        }
+    };
+    names.map(unique).collect()
 }
 
 /// Writes the photograph, the rendering and the error side by side.
@@ -198,5 +214,18 @@ fn regions_table(regions: &[RegionReport]) -> PageTable {
         heading: "Regions of the photographs".into(),
         columns: REGION_COLUMNS.map(str::to_owned).to_vec(),
         rows: regions.iter().map(row).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_of_one_name_have_sheets_of_their_own() {
+        let names = ["r_0", "r_1", "r_0", "r_0_2", "r_0"];
+        let sheets = sheets(Path::new("out"), names.into_iter());
+        let expected = ["r_0.png", "r_1.png", "r_0_2.png", "r_0_2_2.png", "r_0_3.png"];
+        assert_eq!(sheets, expected.map(|name| Path::new("out").join(name)));
     }
 }

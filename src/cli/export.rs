@@ -175,10 +175,11 @@ enum ExportContents {
 /// Writes the file.
 pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let (kind, extension) = kind_and_extension(args)?;
-    check_output(&args.output, session.force)?;
+    let _reserved = check_output(&args.output, session.force)?;
     let (scene_file, _) = scene_file::read(&args.file, &session.console)?;
     let start = Instant::now();
-    let contents = export(kind, &extension, &scene_file.scene, args, session)?;
+    let exported = export(kind, &extension, &scene_file.scene, args, session);
+    let contents = exported.map_err(Error::of_scene(&args.file))?;
     if let Some(warning) = rounding(kind, &contents, &scene_file.scene, args) {
         session.console.say(&warning);
     }
@@ -248,7 +249,7 @@ fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Con
                 authors_files(scene).map_err(Error::checkpoint(&args.output))?;
             let stem = args.output.with_extension("");
             let files: Vec<_> = files.into_iter().map(|(end, bytes)| (beside(&stem, &end), bytes)).collect();
-            files.iter().try_for_each(|(path, _)| check_output(path, session.force))?;
+            files.iter().try_for_each(|(path, _)| check_output(path, session.force).map(drop))?;
             write(&mut |file| Ok(strivec_checkpoints::write_checkpoint(file, &checkpoint).map(drop)?))?;
             for (path, bytes) in &files {
                 write_atomically(path, bytes, session.force)?;

@@ -89,7 +89,7 @@ struct Report<'a> {
 /// Reads the checkpoint and writes the scene.
 pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     check_scene_name(&args.output)?;
-    check_output(&args.output, session.force)?;
+    let _reserved = check_output(&args.output, session.force)?;
     let options = SceneOptions { background: args.background, up: args.up, dataset: args.dataset.clone() };
     let scene = read(args, &options)?;
     let bytes = container::encode_scene_file(&scene, &Metadata::default(), &EncodeOptions::lossless(&scene))

@@ -7,15 +7,16 @@ use std::path::{Path, PathBuf};
 
 use super::Error;
 use strivec_recipe as recipe;
+use strivec_recipe::Reservation;
 
 /// Checks, before any work is done, that [`write_atomically`] could write `path`: its folder exists and can be
-/// written, and no file would be overwritten without `force`.
+/// written, and no file would be overwritten without `force`. Reserves it for this run.
 ///
 /// # Errors
 ///
-/// [`Error::Usage`] if a file would be overwritten without `force`, or `path` is not a regular file; [`Error::Io`] if
-/// the folder cannot be written.
-pub fn check_output(path: &Path, force: bool) -> Result<(), Error> {
+/// [`Error::Usage`] if a file would be overwritten without `force`, `path` is not a regular file, or another run reserved
+/// it; [`Error::Io`] if the folder cannot be written.
+pub fn check_output(path: &Path, force: bool) -> Result<Reservation, Error> {
     Ok(recipe::check_output(path, force)?)
 }
 
@@ -28,6 +29,11 @@ pub fn write_atomically(path: &Path, bytes: &[u8], force: bool) -> Result<(), Er
     Ok(recipe::write_atomically(path, bytes, force)?)
 }
 
+/// Writes the result of a long run durably, elsewhere if `path` cannot be written ([`recipe::write_or_keep`]).
+pub(super) fn write_or_keep(path: &Path, bytes: &[u8], force: bool) -> Result<(), Error> {
+    Ok(recipe::write_or_keep(path, bytes, force)?)
+}
+
 /// Writes the file `path` like [`write_atomically`], with content that `write` writes part by part.
 pub(super) fn write_atomically_with(
     path: &Path,
@@ -37,17 +43,22 @@ pub(super) fn write_atomically_with(
     recipe::write_atomically_with(path, force, write)
 }
 
-/// [`check_output`] of each of `paths`, which must differ.
-pub(super) fn check_outputs<'a>(paths: impl IntoIterator<Item = &'a PathBuf>, force: bool) -> Result<(), Error> {
-    let mut seen = HashSet::new();
+/// [`check_output`] of each of `paths`, which must differ. Only the first stays reserved, for all of them: a system limits
+/// the number of open files.
+pub(super) fn check_outputs<'a>(
+    paths: impl IntoIterator<Item = &'a PathBuf>,
+    force: bool,
+) -> Result<Option<Reservation>, Error> {
+    let (mut seen, mut first) = (HashSet::new(), None);
     for path in paths {
         if !seen.insert(path) {
             let message = format!("{}: two pictures would have this name", path.display());
             return Err(Error::Malformed(message));
         }
-        check_output(path, force)?;
+        let reserved = check_output(path, force)?;
+        first.get_or_insert(reserved);
     }
-    Ok(())
+    Ok(first)
 }
 
 /// Errors if `path` has the extension of a known format other than `.strivec`.

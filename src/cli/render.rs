@@ -146,11 +146,12 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
         cameras.iter().flat_map(|camera| kinds.iter().map(|kind| file(&camera.name, kind))).collect();
     planned.extend(args.depth.then(|| scale_file.clone()));
     planned.extend(args.video.clone());
-    check_outputs(&planned, session.force)?;
+    let _reserved = check_outputs(&planned, session.force)?;
     let depth_code = args.depth.then(|| depth_code(&scene));
     let frame = scene.frame.clone();
     let start = Instant::now();
-    let mut renderer = args.backend.prepare(scene, &settings.approximation, &session.console)?;
+    let prepared = args.backend.prepare(scene, &settings.approximation, &session.console);
+    let mut renderer = prepared.map_err(Error::of_scene(&args.file))?;
     let seconds_preparing = start.elapsed().as_secs_f64();
     let scale = depth_code.map(DepthScale::new);
     if let Some(scale) = &scale {

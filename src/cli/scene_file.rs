@@ -1,22 +1,25 @@
 //! Reading `.strivec` files.
 
-use std::io::Read;
+use std::io;
 use std::path::Path;
-use std::{fs, io};
 
 use super::Error;
 use super::console::Console;
+use strivec_field::Field;
 use strivec_format::container;
 use strivec_format::container::{Limits, Metadata, SceneFile};
+use strivec_format::model::{ReferenceField, Scene};
+use strivec_recipe::read_file;
 
-/// The bytes of the file `path`, or of standard input for `-`.
+/// The bytes of the file `path`, or of standard input for `-`, which may have no end.
 pub(super) fn read_bytes(path: &Path) -> Result<Vec<u8>, Error> {
     if path != Path::new("-") {
-        return fs::read(path).map_err(Error::io("read", path));
+        return Ok(read_file(path)?);
     }
-    let mut bytes = Vec::new();
-    let read = io::stdin().lock().read_to_end(&mut bytes);
-    read.map(|_| bytes).map_err(|e| Error::Io(format!("cannot read standard input: {e}")))
+    container::read_all(&mut io::stdin().lock()).map_err(|error| match error {
+        container::Error::Source { message, .. } => Error::Io(format!("cannot read standard input: {message}")),
+        error => Error::container(path, error),
+    })
 }
 
 /// The scene and metadata of the file `path`, and its bytes. Warns of the sections that were skipped.
@@ -26,6 +29,13 @@ pub(super) fn read(path: &Path, console: &Console) -> Result<(SceneFile, Vec<u8>
         .map_err(|e| Error::container(path, e))?;
     warn_of_skipped(path, &scene_file.metadata, console);
     Ok((scene_file, bytes))
+}
+
+/// Checks that pictures of the `scene` of the file `path` take at most the memory that its size allows, for what compares
+/// pictures without a renderer of its own.
+pub(super) fn check_memory(path: &Path, scene: &Scene) -> Result<(), Error> {
+    let checked = Field::<f32>::check_memory(scene).and_then(|()| ReferenceField::check_memory(scene));
+    checked.map_err(Error::memory(path))
 }
 
 /// Prints which sections of the file `path` the reader could not use, and why.

@@ -74,7 +74,7 @@ pub(super) fn man(args: &ManArgs, programs: [clap::Command; 2], session: &Contex
     }
     make_folder(&args.folder)?;
     let files: Vec<PathBuf> = pages.iter().map(|(name, _)| args.folder.join(name)).collect();
-    check_outputs(&files, session.force)?;
+    let _reserved = check_outputs(&files, session.force)?;
     for (file, (_, page)) in files.iter().zip(&pages) {
         write_atomically(file, page, session.force)?;
     }

@@ -19,7 +19,7 @@ use strivec_capture::dataset::{Dataset, LoadOptions, Photograph};
 use strivec_format::digits::grouped;
 use strivec_format::escape::escaped_path;
 use strivec_recipe as recipe;
-use strivec_recipe::{CheckpointFile, Recipe, Trained};
+use strivec_recipe::{CheckpointFile, Recipe, Reservation, Trained};
 use strivec_train::{DeadComponents, TrainConfig};
 
 /// Maximum held-out views that an evaluation during the run renders.
@@ -97,7 +97,8 @@ pub(super) fn trained<'a>(args: &'a Args, config: TrainConfig, session: &Context
     let (Some(folder), Some(output)) = (&args.dataset, &args.output) else {
         return Err(Error::Usage("give a dataset and --output".into()));
     };
-    let recipe = args.recipe(config, output, session)?;
+    let _reserved = args.check_outputs(output, session)?;
+    let recipe = args.recipe(config, output);
     let interrupted = session.interrupts()?;
     let training = recipe.begin()?;
     let options = args.settings.basics.photographs(folder, training.max_photograph_side(), session)?;
@@ -115,29 +116,35 @@ pub(super) fn trained<'a>(args: &'a Args, config: TrainConfig, session: &Context
 }
 
 impl Args {
-    /// The recipe of these arguments and of `config`. Checks that all output files can be written, before any work.
-    fn recipe(&self, config: TrainConfig, output: &Path, session: &Context) -> Result<Recipe, Error> {
+    /// Checks that all output files can be written, before any work, and reserves them.
+    fn check_outputs(&self, output: &Path, session: &Context) -> Result<Vec<Reservation>, Error> {
         check_scene_name(output)?;
-        Trained::check_output(output, session.force)?;
-        let checkpoint = match &self.checkpoint {
-            Some(path) => CheckpointFile::new(path),
-            None => CheckpointFile::beside(output),
-        };
+        let mut reserved = Vec::from(Trained::check_output(output, session.force)?);
         if !self.resume {
-            checkpoint.check_new(session.force)?;
+            self.checkpoint_file(output).check_new(session.force)?;
             for path in [&self.log, &self.watch].into_iter().flatten() {
-                check_output(path, session.force)?;
+                reserved.push(check_output(path, session.force)?);
             }
         }
-        Ok(Recipe {
+        Ok(reserved)
+    }
+
+    fn checkpoint_file(&self, output: &Path) -> CheckpointFile {
+        let file = self.checkpoint.as_ref().map_or_else(|| CheckpointFile::beside(output), CheckpointFile::new);
+        CheckpointFile { every: self.checkpoint_every, ..file }
+    }
+
+    /// The recipe of these arguments and of `config`.
+    fn recipe(&self, config: TrainConfig, output: &Path) -> Recipe {
+        Recipe {
             prior: self.prior.prior(),
             fitting: self.fitting.fitting(),
             keep_dead: self.keep_dead,
             encoding: self.encoding.factors(),
-            checkpoint: Some(CheckpointFile { every: self.checkpoint_every, ..checkpoint }),
+            checkpoint: Some(self.checkpoint_file(output)),
             resume: self.resume,
             ..Recipe::new(config)
-        })
+        }
     }
 }
 

@@ -127,7 +127,7 @@ impl Observer for CurveObserver<'_> {
 
 /// The mean PSNR of `scene` over `views`.
 fn evaluate(scene: &Scene, views: &[Photograph]) -> f64 {
-    let renderer = CpuRenderer::new(scene);
+    let renderer = CpuRenderer::unlimited(scene);
     let background = scene.frame.background;
     let psnr = |view: &Photograph| {
         let picture = renderer.render(&view.camera.mapped(&scene.frame.model_from_dataset));

@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-use strivec_format::container::{Error, Limits, Reader, Seekable};
+use strivec_format::container::{Error, Limits, Reader, Seekable, read_all};
 use strivec_player::{Step, Stream, each_step};
 
-/// Longest time for a request to a server.
+/// Longest time without progress: of the look-up of a name, a connection, a request, the beginning of an answer, and each read
+/// of its bytes. A download as a whole may take longer.
 const TIMEOUT: Duration = Duration::from_secs(30);
 
 /// An event of the thread that opens a file.
@@ -91,8 +92,14 @@ fn reader(path: &str) -> Result<Reader<Seekable<File>>, Error> {
     if Path::new(path).is_dir() {
         return Err(unreadable("is a folder, not a file".into()));
     }
-    let file = File::open(path).map_err(|e| unreadable(format!("cannot be read: {e}")))?;
-    Reader::open(Seekable::new(file), Limits::default())
+    let failed = |e: std::io::Error| unreadable(format!("cannot be read: {e}"));
+    // Before it is opened: a pipe without a writer would block.
+    let metadata = std::fs::metadata(path).map_err(failed)?;
+    if !metadata.is_file() {
+        return Err(unreadable("is a device or a pipe, not a file".into()));
+    }
+    let file = File::open(path).map_err(failed)?;
+    Reader::open(Seekable::new(file), Limits::of_file(metadata.len()))
 }
 
 fn read(path: &str, show: &mut dyn FnMut(Step) -> bool) -> Result<(), Error> {
@@ -100,12 +107,21 @@ fn read(path: &str, show: &mut dyn FnMut(Step) -> bool) -> Result<(), Error> {
 }
 
 fn download(url: &str, show: &mut dyn FnMut(Step) -> bool) -> Result<(), Error> {
-    let agent: ureq::Agent = ureq::Agent::config_builder().timeout_global(Some(TIMEOUT)).build().into();
+    download_within(TIMEOUT, url, show)
+}
+
+fn download_within(timeout: Duration, url: &str, show: &mut dyn FnMut(Step) -> bool) -> Result<(), Error> {
+    let timeouts = ureq::Agent::config_builder()
+        .timeout_resolve(Some(timeout))
+        .timeout_connect(Some(timeout))
+        .timeout_send_request(Some(timeout))
+        .timeout_recv_response(Some(timeout))
+        .timeout_per_read(Some(timeout));
+    let agent: ureq::Agent = timeouts.build().into();
     let mut stream = Stream::default();
     while !stream.is_done() {
         for range in stream.wanted()? {
-            let (range, bytes) =
-                fetch(&agent, url, range.clone()).map_err(|message| Error::Source { range, message })?;
+            let (range, bytes) = fetch(&agent, url, range)?;
             let is_whole_file = range.end == u64::MAX;
             stream.add(range, bytes);
             if is_whole_file {
@@ -123,20 +139,35 @@ fn download(url: &str, show: &mut dyn FnMut(Step) -> bool) -> Result<(), Error> 
 }
 
 /// The bytes of `range`, or those of the whole file if the server does not support ranges.
-fn fetch(agent: &ureq::Agent, url: &str, range: Range<u64>) -> Result<(Range<u64>, Vec<u8>), String> {
+fn fetch(agent: &ureq::Agent, url: &str, range: Range<u64>) -> Result<(Range<u64>, Vec<u8>), Error> {
     let last = range.end.saturating_sub(1);
     let answer = agent.get(url).header("Range", format!("bytes={}-{last}", range.start)).call();
-    let answer = answer.map_err(|e| format!("cannot be downloaded: {e}"))?;
-    let range = if answer.status() == 206 { range } else { 0..u64::MAX };
+    let failed = |message| Error::Source { range: range.clone(), message };
+    let answer = answer.map_err(|e| failed(format!("cannot be downloaded: {e}")))?;
+    let is_part = answer.status() == 206;
+    let mut body = answer.into_body().into_reader();
+    if !is_part {
+        // The answer may have no end.
+        let bytes = read_all(&mut body).map_err(|error| match error {
+            Error::Source { range, message } => Error::Source { range, message: stopped(&message) },
+            error => error,
+        });
+        return Ok((0..u64::MAX, bytes?));
+    }
     let (mut bytes, length) = (Vec::new(), range.end - range.start);
-    let body = answer.into_body().into_reader();
-    body.take(length).read_to_end(&mut bytes).map_err(|e| format!("the download stopped: {e}"))?;
+    body.take(length).read_to_end(&mut bytes).map_err(|e| failed(stopped(&e.to_string())))?;
     Ok((range, bytes))
+}
+
+fn stopped(message: &str) -> String {
+    format!("the download stopped: {message}")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    use std::io::Write as _;
 
     /// Serves `file` for `requests` requests; with ranges if `has_ranges`. Returns the requested ranges.
     fn serve(file: Vec<u8>, has_ranges: bool) -> (String, std::thread::JoinHandle<()>, Receiver<Range<usize>>) {
@@ -169,6 +200,72 @@ mod tests {
             let bytes: usize = ranges.iter().map(|range| range.len()).sum();
             assert_eq!(bytes, file.len(), "with ranges: {has_ranges}");
         }
+    }
+
+    /// Answers one request with `head`, which ends the lines of the header, and then with the pieces of `body`, each after `pause`.
+    fn answer(
+        head: &'static str,
+        body: impl Iterator<Item = Vec<u8>> + Send + 'static,
+        pause: Duration,
+    ) -> (String, std::thread::JoinHandle<usize>) {
+        let server = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let url = format!("http://{}/scene.strivec", server.local_addr().unwrap());
+        let thread = std::thread::spawn(move || {
+            let (mut client, _) = server.accept().unwrap();
+            client.read(&mut [0; 4096]).unwrap();
+            client.write_all(head.as_bytes()).unwrap();
+            let mut sent = 0;
+            for piece in body {
+                std::thread::sleep(pause);
+                if client.write_all(&piece).is_err() {
+                    break;
+                }
+                sent += piece.len();
+            }
+            sent
+        });
+        (url, thread)
+    }
+
+    const WHOLE: &str = "HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n";
+
+    #[test]
+    fn an_answer_without_end_is_refused_by_its_first_bytes() {
+        let (url, server) = answer(WHOLE, std::iter::repeat(vec![0; 1 << 16]), Duration::ZERO);
+        let error = download_within(TIMEOUT, &url, &mut |_| panic!("it opened")).unwrap_err();
+        assert!(matches!(error, Error::NotStrivec { .. }), "{error}");
+        // What is in the buffers of the system.
+        assert!(server.join().unwrap() < 64 << 20);
+    }
+
+    #[test]
+    fn no_more_is_read_than_the_file_declares() {
+        let file = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/v1/everything.strivec")).unwrap();
+        let body = std::iter::once(file).chain(std::iter::repeat(vec![0; 1 << 16]));
+        let (url, server) = answer(WHOLE, body, Duration::ZERO);
+        let mut steps = Vec::new();
+        let shown = download_within(TIMEOUT, &url, &mut |step| {
+            steps.push(step.is_whole);
+            true
+        });
+        assert_eq!((shown, steps.last()), (Ok(()), Some(&true)));
+        assert!(server.join().unwrap() < 64 << 20);
+    }
+
+    #[test]
+    fn a_download_that_progresses_may_take_longer_than_the_timeout() {
+        let file = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/v1/zstd.strivec")).unwrap();
+        let timeout = Duration::from_millis(400);
+        let pieces: Vec<Vec<u8>> = file.chunks(file.len().div_ceil(8)).map(<[u8]>::to_vec).collect();
+        let (url, server) = answer(WHOLE, pieces.into_iter(), timeout / 4);
+        let start = std::time::Instant::now();
+        download_within(timeout, &url, &mut |_| true).unwrap();
+        assert!(start.elapsed() > timeout);
+        server.join().unwrap();
+        // One that stops does not.
+        let (url, _server) = answer(WHOLE, std::iter::once(file[..100].to_vec()), Duration::from_secs(5));
+        let error = download_within(timeout, &url, &mut |_| true).unwrap_err();
+        assert!(error.to_string().contains("the download stopped"), "{error}");
     }
 
     #[test]

@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 
 use super::factors::block_name;
 use strivec_format::container;
-use strivec_format::container::{EncodeOptions, Metadata, SceneFile, TrainingCamera, Views};
+use strivec_format::container::{EncodeOptions, Limits, Metadata, SceneFile, TrainingCamera, Views};
 use strivec_format::geometry::{Aabb, Lattice};
 use strivec_format::model::{
-    AppearanceMatrix, Block, Decoder, DecoderMode, FactorKind, Factors, Form, Frame, Linear, Occupancy, Placement,
-    Provenance, Rules, Scale, Scene, TensorCloud,
+    AppearanceMatrix, Block, Decoder, DecoderMode, FactorKind, Factors, Form, Frame, Linear, MemoryLimit, Occupancy,
+    Placement, Provenance, Rules, Scale, Scene, TensorCloud,
 };
 use strivec_import::npy::Element;
 
@@ -139,7 +139,8 @@ impl SceneDescription {
         };
         let occupancy = self.occupancy.map(|bounds| occupancy(bounds, arrays)).transpose()?;
         let Self { frame, bounds, rules, provenance, license, views, cameras, notes, .. } = self;
-        let scene = Scene { frame, bounds, rules, scales, decoder, occupancy, provenance };
+        let memory = MemoryLimit(Limits::default().memory);
+        let scene = Scene { frame, bounds, rules, scales, decoder, occupancy, provenance, memory };
         scene.check().map_err(|e| arrays.refusal(e.to_string()))?;
         let encoding = EncodeOptions::lossless(&scene);
         Ok(SceneFile { scene, metadata: Metadata { license, views, cameras, notes, ..Metadata::default() }, encoding })

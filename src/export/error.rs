@@ -3,6 +3,7 @@
 use std::io;
 use std::ops::RangeInclusive;
 
+use strivec_format::model::OverMemory;
 use strivec_format::{Invalid, OptionName, Place};
 
 /// Why a scene was not exported.
@@ -40,6 +41,9 @@ pub enum Error {
         /// The count at which the export ended.
         found: u64,
     },
+    /// The scene takes more memory than it may.
+    #[error(transparent)]
+    Memory(#[from] OverMemory),
     /// The scene cannot be a checkpoint.
     #[error(transparent)]
     Checkpoint(#[from] strivec_checkpoints::Error),

@@ -35,14 +35,14 @@ impl Sampler {
     ///
     /// # Errors
     ///
-    /// [`Error::Empty`] if no sample counts anywhere.
+    /// [`Error::Empty`] if no sample counts anywhere, [`Error::Memory`].
     pub(super) fn new(scene: &Scene, surroundings: bool) -> Result<Self, Error> {
         let region = region(scene, surroundings);
         if !region.is_solid() {
             let what = "no sample of a ray counts in the scene".into();
             return Err(Error::Empty { what, instead: "its occupancy or its tensors' boxes are empty" });
         }
-        Ok(Self { field: Field::new(scene), region, scratch: Pool::default() })
+        Ok(Self { field: Field::new(scene)?, region, scratch: Pool::default() })
     }
 
     /// False if no sample in the box `around`, in the space of the tensors, counts.

@@ -101,9 +101,9 @@ impl HeldComponents {
 
     /// The held components of the same tensors, if these hold \[tensor\] `components`, which ascend.
     pub fn of_components(&self, components: &[Vec<u16>]) -> Self {
-        let ends = components.iter().scan(0, |end, of_tensor| {
-            *end += of_tensor.len() as u32;
-            Some(*end)
+        let ends = components.iter().scan(0_usize, |end, of_tensor| {
+            *end += of_tensor.len();
+            Some(component_start(*end))
         });
         let starts = std::iter::once(0).chain(ends).collect();
         Self { rank: self.rank, rows: self.rows, starts, components: components.concat() }
@@ -154,6 +154,11 @@ impl HeldComponents {
     }
 }
 
+/// `components`, a number of components of some tensors, as the start of the next. It must not wrap: loads trust it.
+fn component_start(components: usize) -> u32 {
+    u32::try_from(components).expect("fewer than 2^32 components in a scale")
+}
+
 /// A neighbor of a sample, its weight, and where the sample is in it (spec 4.2 to 4.4).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Contribution<T> {
@@ -201,7 +206,7 @@ impl<T: Real> FieldFactors<T> {
                     held.components.extend(last.into_iter().flat_map(|last| 0..=last).map(|c| c as u16));
                 }
             }
-            held.starts.push(held.components.len() as u32);
+            held.starts.push(component_start(held.components.len()));
         }
         // On cache lines, which is worth up to 10 % (docs/experiments/2026-11-21-step-optimizations.md).
         let mut values = AVec::with_capacity(CACHELINE_ALIGN, held.value_count() + MAX_LANES);
@@ -276,7 +281,7 @@ impl<T: Real> FieldFactors<T> {
             simd,
             tensor,
             contribution,
-            x.max(y).max(z) + 1,
+            x.max(y).max(z),
             #[inline(always)]
             |rows| Vectors {
                 lower: [rows.at(x), rows.at(y), rows.at(z)],
@@ -302,14 +307,16 @@ impl<T: Real> FieldFactors<T> {
         let [first, second] = Form::matrix_axes(axis);
         let row_len = self.vertices[first];
         let corner = self.vertices[axis] + lower[second] * row_len + lower[first];
+        // Both corners are checked, as the sum may wrap.
+        let opposite = corner.wrapping_add(row_len);
         self.rows_of(
             simd,
             tensor,
             contribution,
-            (corner + row_len).max(lower[axis]) + 1,
+            corner.max(opposite).max(lower[axis]),
             #[inline(always)]
             |rows| VectorAndMatrix {
-                lower: [rows.at(lower[axis]), rows.at(corner), rows.at(corner + row_len)],
+                lower: [rows.at(lower[axis]), rows.at(corner), rows.at(opposite)],
                 fractions: [
                     T::splat(simd, fractions[axis]),
                     T::splat(simd, fractions[first]),
@@ -319,21 +326,21 @@ impl<T: Real> FieldFactors<T> {
         )
     }
 
-    /// The rows of `tensor` up to `last` that `factors` takes, by the place of the first number of a row.
+    /// The rows of `tensor` up to the one after `lower` that `factors` takes, by the place of the first number of a row.
     #[inline(always)]
     fn rows_of<S: Simd, F>(
         &self,
         simd: S,
         tensor: usize,
         contribution: &Contribution<T>,
-        last: u32,
+        lower: u32,
         factors: impl FnOnce(RowPlaces<T>) -> F,
     ) -> Rows<'_, T, S, F> {
         let Self { held, values, .. } = self;
         let std::ops::Range { start, end } = held.range(tensor);
         // One check for all loads of a contribution: with a check for each, density takes 0.44 s of a picture instead
         // of 0.27 s (docs/experiments/2026-11-25-held-components.md).
-        assert!((last as usize) < held.rows, "a row of a tensor");
+        assert!((lower as usize) < held.rows.saturating_sub(1), "a row of a tensor");
         let rank = end - start;
         // `values` has `rows` rows for each of the components before `end`, and a register more.
         // Wrapping arithmetic makes an address without a promise about it; the reads in `between` make the promise.
@@ -347,7 +354,14 @@ impl<T: Real> FieldFactors<T> {
     }
 
     /// Holds the components `held`, of the same tensors; its component c was `order`\[c\].
+    ///
+    /// # Panics
+    ///
+    /// If `held` has another number of tensors or of rows.
     pub fn rearrange(&mut self, held: HeldComponents, order: &[u16]) {
+        // The loads of registers trust the number of factors.
+        let [before, after] = [&self.held, &held].map(|held| (held.tensors(), held.rows));
+        assert_eq!(before, after, "tensors and rows of the factors");
         let mut values = AVec::with_capacity(CACHELINE_ALIGN, held.value_count() + MAX_LANES);
         values.extend_from_slice(&self.held.rearranged(self.values(), &held, order));
         values.resize(values.len() + MAX_LANES, T::zero());
@@ -555,6 +569,31 @@ mod tests {
         let factors = FieldFactors::<f32>::new(Holding::Nonzero, &dense(), [1; 3]);
         let contribution = Contribution { lower: [0, 0, 1], ..Contribution::default() };
         factors.vectors_of(pulp::Scalar, 0, &contribution);
+    }
+
+    #[test]
+    #[should_panic = "a row of a tensor"]
+    fn rows_whose_number_wraps_are_refused() {
+        let factors = FieldFactors::<f32>::new(Holding::Nonzero, &dense(), [1; 3]);
+        let contribution = Contribution { lower: [u32::MAX, 0, 0], ..Contribution::default() };
+        factors.vectors_of(pulp::Scalar, 0, &contribution);
+    }
+
+    #[test]
+    #[should_panic = "a row of a tensor"]
+    fn rows_of_a_matrix_whose_number_wraps_are_refused() {
+        let block = Block { form: Form::Vm(0), rank: 1, values: vec![1.0; 2 + 6] };
+        let factors = FieldFactors::<f32>::new(Holding::Nonzero, &block, [1, 1, 2]);
+        let contribution = Contribution { lower: [0, u32::MAX - 2, 0], ..Contribution::default() };
+        factors.vector_and_matrix_of(pulp::Scalar, 0, 0, &contribution);
+    }
+
+    #[test]
+    #[should_panic = "tensors and rows of the factors"]
+    fn components_of_more_tensors_are_refused() {
+        let mut factors = FieldFactors::<f32>::new(Holding::Nonzero, &dense(), [1; 3]);
+        let more = factors.held().of_components(&[vec![0], vec![0], vec![0]]);
+        factors.rearrange(more, &[0, 1, 2]);
     }
 
     #[test]

@@ -51,12 +51,11 @@ impl<T: Real> CellIndex<T> {
     /// A cell is a sixth of an edge wide: with edges of 1.5 pitches, box faces then fall on cell faces, and few
     /// candidates do not cover their cell. Cells are wider in a cloud that is sparse in its bounds, so that the grid's
     /// size stays in proportion to the number of tensors, and in very large clouds.
-    pub fn new(cloud: &TensorCloud, origin: DVec3) -> Self {
-        Self::within(cloud, origin, u64::MAX).expect("no limit")
-    }
-
-    /// The index of `cloud`, as [`Self::new`] makes it; `None` if it takes more than `memory` bytes.
-    pub fn within(cloud: &TensorCloud, origin: DVec3, memory: u64) -> Option<Self> {
+    ///
+    /// # Errors
+    ///
+    /// The least bytes of memory that it needs, if they are more than `memory`.
+    pub fn new(cloud: &TensorCloud, origin: DVec3, memory: u64) -> Result<Self, u64> {
         let bounds = cloud.bounds();
         let bounds = Aabb { min: bounds.min - origin, max: bounds.max - origin };
         // A cell is a sixth of an edge, so a tensor fills 216 cells: only clouds that are sparse in their bounds
@@ -73,7 +72,8 @@ impl<T: Real> CellIndex<T> {
         // Faces that fall on cell faces would reach into the cells on both sides; beside them, the lower faces do not.
         let corner = bounds.min - 2.0 * slack;
         let cells = ((bounds.max + slack - corner) / width).ceil().max(DVec3::ONE).as_uvec3();
-        let (starts, tensors) = tensors_by_cell(cloud, origin + corner, width, cells, slack, memory / 2)?;
+        let by_cell = tensors_by_cell(cloud, origin + corner, width, cells, slack, memory / 2);
+        let (starts, tensors) = by_cell.map_err(|needed| needed.saturating_mul(2))?;
         // Of a list: its entry in a table that is being doubled, and its start.
         let (list_bytes, block_bytes) = (64, size_of::<CandidateBlock<T>>() as u64);
 
@@ -91,8 +91,9 @@ impl<T: Real> CellIndex<T> {
         let mut known = HashMap::from([(&[][..], 0)]);
         for cell in starts.windows(2) {
             // Twice the blocks, while their list grows.
-            if index.starts.len() as u64 * list_bytes + 2 * index.blocks.len() as u64 * block_bytes > memory / 2 {
-                return None;
+            let needed = index.starts.len() as u64 * list_bytes + 2 * index.blocks.len() as u64 * block_bytes;
+            if needed > memory / 2 {
+                return Err(2 * needed);
             }
             let list = &tensors[cell[0] as usize..cell[1] as usize];
             let list_index = *known.entry(list).or_insert_with(|| {
@@ -102,7 +103,7 @@ impl<T: Real> CellIndex<T> {
             });
             index.lists.push(list_index);
         }
-        Some(index)
+        Ok(index)
     }
 
     /// Bytes of memory, but for what construction takes.
@@ -197,7 +198,7 @@ fn block_of<T: Real>(tensors: &[u32], centers: &[[T; 3]]) -> CandidateBlock<T> {
 }
 
 /// \[cell\] the first of its tensors, then the number of tensors; and the tensors. `corner` is the grid's lower corner.
-/// Boxes are grown by `slack`. `None` if these take more than `memory` bytes.
+/// Boxes are grown by `slack`. The bytes that these take, if they are more than `memory`.
 fn tensors_by_cell(
     cloud: &TensorCloud,
     corner: DVec3,
@@ -205,7 +206,7 @@ fn tensors_by_cell(
     cells: glam::UVec3,
     slack: DVec3,
     memory: u64,
-) -> Option<(Vec<u32>, Vec<u32>)> {
+) -> Result<(Vec<u32>, Vec<u32>), u64> {
     let cell_at = |p: DVec3| (p / width).floor().max(DVec3::ZERO).as_uvec3().min(cells - 1);
     let range = |center| {
         let relative = center - corner;
@@ -219,8 +220,9 @@ fn tensors_by_cell(
     // Counted before anything is allocated: the cloud may be of an untrusted file.
     let entries: u64 = cloud.centers().map(cells_of).sum();
     let cell_count = cells.as_u64vec3().element_product();
-    if 12 * cell_count + 4 * entries + 24 * cloud.len() as u64 > memory {
-        return None;
+    let needed = 12 * cell_count + 4 * entries + 24 * cloud.len() as u64;
+    if needed > memory {
+        return Err(needed);
     }
     let ranges: Vec<_> = cloud.centers().map(range).collect();
     let for_each_cell = |visit: &mut dyn FnMut(usize, u32)| {
@@ -250,5 +252,5 @@ fn tensors_by_cell(
         tensors[next[cell] as usize] = tensor;
         next[cell] += 1;
     });
-    Some((starts, tensors))
+    Ok((starts, tensors))
 }

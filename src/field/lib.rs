@@ -52,7 +52,7 @@ pub use vector::Vector;
 use glam::DVec3;
 
 use strivec_format::geometry::{Aabb, MAX_SPACING, Ray};
-use strivec_format::model::{Block, Coverage, Rules, Scale, Scene};
+use strivec_format::model::{Block, Coverage, MemoryLimit, OverMemory, Rules, Scale, Scene};
 
 /// Runs `work` compiled for the best instruction set of this machine. Functions that `work` calls are compiled for it
 /// only if they are inlined into `work`.
@@ -68,6 +68,31 @@ fn held_factors<T: Real>(scale: &Scale) -> [Vec<FieldFactors<T>>; 2] {
     };
     // Density components are a sum, so any of them may be missing; appearance components have their places in a row.
     [held(&scale.factors.density, Holding::Nonzero), held(&scale.factors.appearance, Holding::UpToLast)]
+}
+
+/// The parts of a field that take memory, in errors.
+const NUMBERS: &str = "the factors";
+const INDEX: &str = "the index of the tensors";
+const RAY: &str = "the samples of a ray";
+
+/// The most bytes that a field of `scene` and a ray take besides the index of the tensors.
+///
+/// # Errors
+///
+/// [`OverMemory`] if they are more than `limit`.
+fn memory_besides_index<T: Real>(scene: &Scene, limit: MemoryLimit) -> Result<u64, OverMemory> {
+    /// Centers, numbers of components and their starts.
+    const TENSOR_BYTES: usize = 64;
+    let scalar = size_of::<T>() as u64;
+    // Nine bytes for each brick of 64 cells.
+    let occupancy = scene.occupancy.as_ref().map_or(0, |o| o.vertices.as_u64vec3().element_product() / 4);
+    let of_scale = |s: &Scale| (scalar + 1) * s.factors.parameter_count() + (TENSOR_BYTES * s.cloud.len()) as u64;
+    let scales = scene.scales.iter().map(of_scale).sum::<u64>();
+    let bytes = 4 * scalar * scene.decoder.parameter_count() + occupancy + scales;
+    limit.unless_over(NUMBERS, bytes)?;
+    let bytes = bytes.saturating_add(Field::<T>::memory_of_ray(scene));
+    limit.unless_over(RAY, bytes)?;
+    Ok(bytes)
 }
 
 /// A scene, prepared for fast evaluation.
@@ -98,73 +123,119 @@ pub struct Field<T> {
 }
 
 impl<T: Real> Field<T> {
-    /// Prepares `scene`, which must have passed [`Scene::check`].
-    pub fn new(scene: &Scene) -> Self {
-        let factors = scene.scales.iter().map(held_factors);
-        Self::with_factors(scene, factors.collect())
+    /// Prepares `scene`, which must have passed [`Scene::check`], within the memory that it allows.
+    ///
+    /// # Errors
+    ///
+    /// [`OverMemory`], before the memory is taken.
+    pub fn new(scene: &Scene) -> Result<Self, OverMemory> {
+        Self::within(scene, scene.memory)
     }
 
-    /// The most bytes of memory that [`Field::new`] takes for `scene`; `None` if that is more than `most`.
-    pub fn memory(scene: &Scene, most: u64) -> Option<u64> {
-        /// Centers, numbers of components and their starts.
-        const TENSOR_BYTES: usize = 64;
-        let scalar = size_of::<T>();
-        let mut bytes = 4 * scalar as u64 * scene.decoder.parameter_count();
-        if let Some(occupancy) = &scene.occupancy {
-            // Nine bytes for each brick of 64 cells.
-            bytes += occupancy.vertices.as_u64vec3().element_product() / 4;
-        }
+    /// Prepares `scene`, which must have passed [`Scene::check`], whatever memory it takes: for scenes that this program
+    /// makes, and those of which a field within the memory of the scene was made.
+    pub fn unlimited(scene: &Scene) -> Self {
+        Self::within(scene, MemoryLimit::NONE).expect("no limit")
+    }
+
+    fn within(scene: &Scene, limit: MemoryLimit) -> Result<Self, OverMemory> {
+        let bytes = memory_besides_index::<T>(scene, limit)?;
+        Self::with_factors(scene, scene.scales.iter().map(held_factors).collect(), bytes, limit)
+    }
+
+    /// Checks that [`Field::new`] takes at most the memory that `scene` allows. Takes the time to index the tensors, unless the
+    /// scene has no limit.
+    ///
+    /// # Errors
+    ///
+    /// [`OverMemory`].
+    pub fn check_memory(scene: &Scene) -> Result<(), OverMemory> {
+        if scene.memory.0 == u64::MAX { Ok(()) } else { Self::memory(scene, scene.memory).map(drop) }
+    }
+
+    /// The most bytes of memory that [`Field::new`] and a ray take for `scene`.
+    ///
+    /// # Errors
+    ///
+    /// [`OverMemory`] if they are more than `limit`.
+    pub fn memory(scene: &Scene, limit: MemoryLimit) -> Result<u64, OverMemory> {
+        let mut bytes = memory_besides_index::<T>(scene, limit)?;
         for scale in &scene.scales {
-            let values = scale.factors.parameter_count();
-            bytes += (scalar as u64 + 1) * values + (TENSOR_BYTES * scale.cloud.len()) as u64;
-            let index = CellIndex::<T>::within(&scale.cloud, scene.bounds.center(), most.checked_sub(bytes)?)?;
-            bytes += 2 * index.memory();
+            let index = CellIndex::<T>::new(&scale.cloud, scene.bounds.center(), limit.0 - bytes);
+            bytes = bytes.saturating_add(index.map_or_else(|needed| needed, |index| 2 * index.memory()));
+            limit.unless_over(INDEX, bytes)?;
         }
-        (bytes <= most).then_some(bytes)
+        Ok(bytes)
     }
 
-    /// The most bytes of memory that tracing a ray takes, its samples and their components, features and activations.
-    pub fn memory_of_ray(&self) -> u64 {
-        let scalar = size_of::<T>();
-        let contributions = self.scales.iter().map(|s| s.top_k() * size_of::<Contribution<T>>()).sum::<usize>();
-        let widths = self.decoder.layers.iter().map(|l| l.bias.len() + l.weights.len() / l.bias.len().max(1));
-        let rows = widths.sum::<usize>() + 2 * self.component_count();
+    /// The most bytes of memory that tracing a ray of `scene` takes, its samples and their components, features and
+    /// activations.
+    pub fn memory_of_ray(scene: &Scene) -> u64 {
+        let contributions = scene.scales.iter().map(|s| s.top_k as usize * size_of::<Contribution<T>>()).sum::<usize>();
+        let widths = scene.decoder.layers.iter().map(|layer| layer.inputs + layer.outputs).sum::<u32>();
+        let components = scene.scales.iter().map(|s| s.factors.appearance_rank()).sum::<u32>();
+        let row = size_of::<T>() * (widths + 2 * components) as usize;
         // Lists double as they grow.
-        let sample = 3 * (64 + 16 * self.scales.len() + contributions) + 2 * scalar * rows;
-        let steps = self.rules.most_steps(&self.bounds).ceil() as u64 + 1;
+        let sample = 3 * (64 + 16 * scene.scales.len() + contributions) + 2 * row;
+        let steps = scene.rules.most_steps(&scene.bounds).ceil() as u64 + 1;
         steps.saturating_mul(sample as u64)
     }
 
     /// The field of `scene` like [`Field::new`], but takes each scale's factors out of `scene` as soon as they are
     /// converted, which keeps about one copy of them in memory at any time.
-    pub fn from_scene(scene: &mut Scene) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// All errors of [`Field::new`].
+    pub fn from_scene(scene: &mut Scene) -> Result<Self, OverMemory> {
+        let limit = scene.memory;
+        Self::from_scene_within(scene, limit)
+    }
+
+    /// The field of `scene` like [`Field::unlimited`], but takes the factors out of `scene` as [`Field::from_scene`] does.
+    pub fn unlimited_from_scene(scene: &mut Scene) -> Self {
+        Self::from_scene_within(scene, MemoryLimit::NONE).expect("no limit")
+    }
+
+    fn from_scene_within(scene: &mut Scene, limit: MemoryLimit) -> Result<Self, OverMemory> {
+        // Before the factors leave the scene.
+        let bytes = memory_besides_index::<T>(scene, limit)?;
         let taken = |scale: &mut Scale| {
             let factors = held_factors(scale);
             scale.factors.blocks_mut().for_each(|block| block.values = Vec::new());
             factors
         };
         let factors = scene.scales.iter_mut().map(taken).collect();
-        Self::with_factors(scene, factors)
+        Self::with_factors(scene, factors, bytes, limit)
     }
 
     /// Takes bounds, occupancy and rules from `scene`, which has the same tensors, and keeps all parameters.
     pub fn set_space(&mut self, scene: &Scene) {
         let factors = self.scales.drain(..).map(|scale| [scale.density, scale.appearance]).collect();
         let (decoder, sky) = (self.decoder.clone(), self.sky.clone());
-        *self = Self { decoder, sky, ..Self::with_factors(scene, factors) };
+        let field = Self::with_factors(scene, factors, 0, MemoryLimit::NONE).expect("no limit");
+        *self = Self { decoder, sky, ..field };
     }
 
-    /// Prepares `scene` with `factors`: \[scale\]\[density, appearance\].
-    fn with_factors(scene: &Scene, factors: Vec<[Vec<FieldFactors<T>>; 2]>) -> Self {
+    /// Prepares `scene` with `factors`: \[scale\]\[density, appearance\]. Every field is made here, so that none takes more
+    /// memory than its `limit`, of which all but the index takes `bytes`.
+    fn with_factors(
+        scene: &Scene,
+        factors: Vec<[Vec<FieldFactors<T>>; 2]>,
+        mut bytes: u64,
+        limit: MemoryLimit,
+    ) -> Result<Self, OverMemory> {
         let origin = scene.bounds.center();
         let mut first_tensor = 0;
-        let scales: Vec<FieldScale<T>> = (scene.scales.iter().zip(factors))
-            .map(|(scale, factors)| {
-                let prepared = FieldScale::new(scale, factors, origin, first_tensor);
-                first_tensor += scale.cloud.len() as u32;
-                prepared
-            })
-            .collect();
+        let mut scales: Vec<FieldScale<T>> = Vec::with_capacity(scene.scales.len());
+        for (scale, factors) in scene.scales.iter().zip(factors) {
+            let prepared = FieldScale::new(scale, factors, origin, first_tensor, limit.0 - bytes);
+            let of_index = prepared.as_ref().map_or_else(|needed| *needed, |scale| 2 * scale.index().memory());
+            bytes = bytes.saturating_add(of_index);
+            limit.unless_over(INDEX, bytes)?;
+            scales.extend(prepared);
+            first_tensor += scale.cloud.len() as u32;
+        }
         let covered = match (&scene.occupancy, scene.rules.coverage, scales.last()) {
             // The finest scale covers least. Where it has no tensor no sample counts, so rays skip that space from
             // the first step on.
@@ -175,7 +246,7 @@ impl<T: Real> Field<T> {
         let farthest = if scene.rules.contraction.is_some() { MAX_SPACING } else { scene.frame.far };
         // The error of positions that decisions keep their distance from (docs/numerics.md).
         let reach = (scene.bounds.size().max_element() + farthest) * T::epsilon().f64();
-        Self {
+        Ok(Self {
             origin,
             covered,
             position_error: T::of(reach),
@@ -187,7 +258,7 @@ impl<T: Real> Field<T> {
             scales,
             decoder: FieldDecoder::new(scene),
             occupancy: scene.occupancy.as_ref().map(|o| OccupancyCells::new(o, origin)),
-        }
+        })
     }
 
     /// `point`, in model space, relative to the field's origin.

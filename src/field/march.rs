@@ -30,6 +30,13 @@ impl<T: Real> Field<T> {
     /// Marches `rays` into `samples`.
     #[inline(always)]
     pub fn march(&self, rays: &[Ray], samples: &mut Samples<T>) {
+        self.march_within(rays, samples, usize::MAX);
+    }
+
+    /// Marches `rays` into `samples`, unless there are several and their samples take more than `bytes`. Returns false then;
+    /// `samples` are of no use.
+    #[inline(always)]
+    pub fn march_within(&self, rays: &[Ray], samples: &mut Samples<T>, bytes: usize) -> bool {
         samples.clear(rays.len());
         samples.active.extend((0..rays.len() as u32).map(|ray| ActiveRay {
             ray,
@@ -40,6 +47,9 @@ impl<T: Real> Field<T> {
         }));
         samples.marchers.extend(rays.iter().map(|ray| RayMarcher::new(self, ray)));
         while !samples.active.is_empty() {
+            if samples.bytes() > bytes && rays.len() > 1 {
+                return false;
+            }
             self.advance_rays(samples);
             samples.clock.lap(Stage::March);
             self.find_neighbors(samples);
@@ -58,6 +68,7 @@ impl<T: Real> Field<T> {
         work.samples = samples.order.len() as u64;
         work.contributions = count_contributions(&samples.neighborhoods, 0..samples.positions.len(), scales);
         samples.clock.lap(Stage::Composite);
+        true
     }
 
     /// Puts the next samples of each ray into `pending`.

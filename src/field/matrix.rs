@@ -30,8 +30,11 @@ pub struct MatrixMut<'a, T> {
 
 /// Panics unless the last element of a view of this shape lies within `len` values.
 fn check_bounds(rows: usize, columns: usize, row_stride: usize, column_stride: usize, len: usize) {
-    let end = if rows == 0 || columns == 0 { 0 } else { (rows - 1) * row_stride + (columns - 1) * column_stride + 1 };
-    assert!(end <= len, "{rows}×{columns} matrix of strides {row_stride}, {column_stride} in {len} values");
+    // Checked: a product that wraps would let a view of any number of rows pass, and the kernel trusts the view.
+    let last = |count: usize, stride| (count - 1).checked_mul(stride);
+    let end = || last(rows, row_stride)?.checked_add(last(columns, column_stride)?)?.checked_add(1);
+    let fits = rows == 0 || columns == 0 || end().is_some_and(|end| end <= len);
+    assert!(fits, "{rows}×{columns} matrix of strides {row_stride}, {column_stride} in {len} values");
 }
 
 impl<'a, T> Matrix<'a, T> {
@@ -256,5 +259,20 @@ mod tests {
     #[should_panic(expected = "matrix of strides")]
     fn view_past_the_end_is_refused() {
         Matrix::new(&[0.0; 5], 2, 3, 3);
+    }
+
+    #[test]
+    #[should_panic(expected = "matrix of strides")]
+    fn view_whose_last_element_is_past_any_address_is_refused() {
+        // (rows − 1)·stride is a multiple of 2⁶⁴, or of 2³² with 32 bits.
+        let half = 1 << (usize::BITS / 2);
+        Matrix::new(&[0.0], half + 1, 1, half);
+    }
+
+    #[test]
+    #[should_panic(expected = "matrix of strides")]
+    fn writable_view_whose_last_element_is_past_any_address_is_refused() {
+        let half = 1 << (usize::BITS / 2);
+        MatrixMut::new(&mut [0.0], half + 1, 1, half);
     }
 }

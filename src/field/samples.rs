@@ -146,6 +146,14 @@ impl<T: Real> Samples<T> {
         self.pending_positions.push(position);
     }
 
+    /// Bytes of the samples that are evaluated.
+    pub(super) fn bytes(&self) -> usize {
+        // Of a slot: four numbers, its position, and its place in the order.
+        let of_slots = self.positions.len() * (7 * size_of::<T>() + size_of::<u32>());
+        let of_contributions = self.contributions.len * size_of::<Contribution<T>>();
+        of_slots + of_contributions + size_of_val(&self.neighborhoods[..]) + size_of_val(&self.runs[..])
+    }
+
     /// Number of samples that count.
     pub fn len(&self) -> usize {
         self.order.len()

@@ -97,13 +97,18 @@ pub fn offset<T: Real>(position: [T; 3], center: [T; 3]) -> [T; 3] {
 impl<T: Real> FieldScale<T> {
     /// Prepares `scale`, whose factors are `density` and `appearance`, for positions relative to `origin`;
     /// `first_tensor` is the number of tensors before it.
+    ///
+    /// # Errors
+    ///
+    /// The least bytes of memory that its index needs, if they are more than `memory`.
     pub(super) fn new(
         scale: &Scale,
         [density, appearance]: [Vec<FieldFactors<T>>; 2],
         origin: DVec3,
         first_tensor: u32,
-    ) -> Self {
-        Self {
+        memory: u64,
+    ) -> Result<Self, u64> {
+        Ok(Self {
             first_tensor,
             // Relative in f64, then rounded: a scene's place in the world costs no precision (docs/numerics.md).
             centers: scale.cloud.centers().map(|c| (c - origin).to_array().map(T::of)).collect(),
@@ -112,9 +117,9 @@ impl<T: Real> FieldScale<T> {
             density,
             appearance,
             top_k: scale.top_k as usize,
-            index: CellIndex::new(&scale.cloud, origin),
+            index: CellIndex::new(&scale.cloud, origin, memory)?,
             vertices: TensorVertices::new(scale.cloud.half_edge, scale.cloud.resolution),
-        }
+        })
     }
 
     /// Number of tensors.

@@ -8,8 +8,17 @@ use pulp::Simd;
 /// The most lanes of a register in any instruction set.
 pub const MAX_LANES: usize = 16;
 
-/// A number with vector registers.
-pub trait Vector: Copy {
+/// The numbers of the field, f32 and f64. `unsafe` code trusts their registers, lanes and kernels, so no other type may
+/// implement [`Vector`] and [`Real`](super::Real).
+mod sealed {
+    #[expect(unnameable_types, reason = "the name would let other crates implement the trait")]
+    pub trait Sealed {}
+    impl Sealed for f32 {}
+    impl Sealed for f64 {}
+}
+
+/// A number with vector registers. Only f32 and f64 are; other crates cannot implement it.
+pub trait Vector: sealed::Sealed + Copy {
     /// A register of `S`.
     type Register<S: Simd>: Copy;
     /// One truth value per lane.

@@ -35,12 +35,13 @@ impl<'a> Input<'a> {
     ///
     /// If it cannot be opened or is not a regular file.
     pub fn open(path: &Path) -> Result<Self, Fault> {
-        let file = File::open(path)?;
-        let metadata = file.metadata()?;
-        if !metadata.is_file() {
+        // Before it is opened: a pipe without a writer would block.
+        if !std::fs::metadata(path)?.is_file() {
             return Err(Fault::broken("the path", "it is not a regular file"));
         }
-        Ok(Self::new(Box::new(file), metadata.len()))
+        let file = File::open(path)?;
+        let length = file.metadata()?.len();
+        Ok(Self::new(Box::new(file), length))
     }
 
     /// Reads from memory.

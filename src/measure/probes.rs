@@ -9,7 +9,7 @@ use strivec_field::Field;
 use strivec_field::render::{CpuRenderer, Pixel, ReferenceRenderer, Renderer};
 use strivec_format::container::{Probe, Probes};
 use strivec_format::geometry::{Aabb, Ray};
-use strivec_format::model::{ReferenceField, Scene};
+use strivec_format::model::{MemoryLimit, ReferenceField, Scene};
 use strivec_format::random::Random;
 
 /// Rays tried for each probe. The one with the largest decision margin is kept.
@@ -171,12 +171,11 @@ pub fn check_probes_within(scene: &Scene, probes: &Probes, limits: ProbeLimits) 
     }
     drop((reference, field));
 
-    let needed = Field::<f32>::memory(scene, limits.memory).unwrap_or(limits.memory.saturating_add(1));
+    let needed = Field::<f32>::memory(scene, MemoryLimit(limits.memory)).unwrap_or_else(|error| error.needed);
     let left = unless_over("the CPU renderer", needed, limits.memory)?;
-    let renderer = CpuRenderer::<f32>::new(scene);
-    let of_ray = renderer.memory_of_ray();
-    unless_over("a ray of the CPU renderer", of_ray, left)?;
-    let together = (left / of_ray.max(1)).clamp(1, 64) as usize;
+    let renderer = CpuRenderer::<f32>::unlimited(scene);
+    // Besides the ray that is counted.
+    let together = (left / Field::<f32>::memory_of_ray(scene)).clamp(0, 63) as usize + 1;
     let mut pixels = vec![None; probes.probes.len()];
     let traced: Vec<usize> = (0..pixels.len()).filter(|&n| references[n].is_some()).collect();
     for some in traced.chunks(together).take_while(|_| is_before(limits.deadline)) {
@@ -241,7 +240,7 @@ mod tests {
         let whole = check(1 << 28, None).unwrap();
         assert_eq!(whole.traced, 64);
         assert_eq!(whole.reference, check_probes(&ReferenceRenderer::new(&file.scene), &probes));
-        assert_eq!(whole.cpu, check_probes(&CpuRenderer::<f32>::new(&file.scene), &probes));
+        assert_eq!(whole.cpu, check_probes(&CpuRenderer::<f32>::unlimited(&file.scene), &probes));
         assert_eq!(whole.density_error, probe_density_error(&file.scene, &probes));
 
         let late = check(1 << 28, Some(Instant::now())).unwrap();

@@ -66,8 +66,11 @@ impl Stream {
             return Ok(Vec::new());
         }
         if self.contents.is_none() {
-            match Reader::open(&self.known, Limits::default()) {
-                Ok(reader) => self.contents = Some(reader.contents().clone()),
+            match Reader::open(&self.known, self.limits()) {
+                Ok(reader) => {
+                    reader.contents().check_length()?;
+                    self.contents = Some(reader.contents().clone());
+                }
                 Err(Error::Source { range, .. }) => return Ok(vec![range]),
                 Err(error) => return Err(error),
             }
@@ -97,13 +100,18 @@ impl Stream {
         let scales = self.next_scales(&contents);
         let is_whole = scales == scale_count(&contents);
         (self.shown, self.is_done) = (scales, is_whole);
-        let reader = Reader::open(&self.known, Limits::default())?;
+        let reader = Reader::open(&self.known, self.limits())?;
         read_step(&reader, scales)
     }
 
     /// True if there are no more steps.
     pub fn is_done(&self) -> bool {
         self.is_done
+    }
+
+    /// By the bytes that have arrived, not by the length that the file declares, which is untrusted.
+    fn limits(&self) -> Limits {
+        Limits::of_file(self.bytes())
     }
 
     fn next_scales(&self, contents: &Contents) -> usize {
@@ -280,6 +288,26 @@ mod tests {
         stream.add(0..u64::MAX, fixture("zstd")[..20_000].to_vec());
         assert!(stream.wanted().unwrap().is_empty());
         assert!(matches!(stream.step(), Err(Error::Truncated { .. })));
+    }
+
+    #[test]
+    fn files_that_no_reader_could_hold_are_refused_before_they_are_loaded() {
+        let long = |length| Contents { file_length: length, ..container_of("zstd") };
+        assert_eq!(long(1 << 20).check_length(), Ok(()));
+        assert!(matches!(long(1 << 40).check_length(), Err(Error::Budget { .. })));
+    }
+
+    fn container_of(name: &str) -> Contents {
+        strivec_format::container::sections(&fixture(name)).unwrap()
+    }
+
+    #[test]
+    fn a_scene_may_take_memory_by_the_bytes_that_have_arrived() {
+        let mut stream = Stream::default();
+        stream.add(0..u64::MAX, fixture("zstd"));
+        assert!(stream.wanted().unwrap().is_empty());
+        let step = stream.step().unwrap().unwrap();
+        assert_eq!(step.file.scene.memory.0, Limits::of_file(fixture("zstd").len() as u64).memory);
     }
 
     #[test]

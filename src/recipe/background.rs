@@ -14,7 +14,7 @@ const OPAQUE_WEIGHT: f64 = 1e-3;
 /// The mean sRGB color of `views` where nothing of `scene` is before the background; where something is everywhere, about
 /// their mean color.
 pub(super) fn background_of(scene: &Scene, views: &[Photograph]) -> [f32; 3] {
-    let renderer = CpuRenderer::new(scene);
+    let renderer = CpuRenderer::unlimited(scene);
     let of_view = |view: &Photograph| {
         let pixels = f64::from(view.camera.width) * f64::from(view.camera.height);
         let shortest = view.camera.width.min(view.camera.height);

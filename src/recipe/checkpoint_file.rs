@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::atomic_file::{FileError, beside, check_output, remove_file, write_atomically};
+use super::atomic_file::{FileError, beside, check_output, read_file, remove_file, write_atomically};
 use super::{Error, Observer};
 use strivec_format::container;
 use strivec_format::container::{EncodeOptions, Encoding};
@@ -39,7 +39,7 @@ impl CheckpointFile {
         if self.path.exists() && !force {
             return Err(FileError::CheckpointExists { path: self.path.clone() });
         }
-        check_output(&self.path, force)
+        check_output(&self.path, force).map(drop)
     }
 
     /// The checkpoint and its scene.
@@ -49,7 +49,7 @@ impl CheckpointFile {
     /// [`Error::File`] if it cannot be read, [`Error::Checkpoint`] and [`Error::CheckpointScene`] if it is damaged.
     pub fn read(&self) -> Result<(Checkpoint, Scene), Error> {
         let path = &self.path;
-        let bytes = std::fs::read(path).map_err(FileError::io("read", path))?;
+        let bytes = read_file(path)?;
         let (checkpoint, scene) =
             Checkpoint::from_bytes(&bytes).map_err(|source| Error::Checkpoint { path: path.clone(), source })?;
         let scene = container::decode(&scene)
@@ -78,12 +78,72 @@ impl CheckpointFile {
         remove_file(&self.path)
     }
 
-    /// Writes the checkpoint of `trainer` after a step if it is due, or if the run `stops`.
+    /// Writes the checkpoint of `trainer` after a step if it is due, or if the run `stops`. A run that goes on does so without
+    /// a checkpoint that cannot be written, such as on a full disk; the one before stays.
     pub(super) fn follow(&self, trainer: &Trainer<'_>, stops: bool, observer: &mut dyn Observer) -> Result<(), Error> {
         if stops || self.every.is_some_and(|every| trainer.steps_done().is_multiple_of(every)) {
-            self.write(trainer)?;
-            observer.checkpoint(&self.path);
+            match self.write(trainer) {
+                Err(Error::File(error)) if !stops => {
+                    let step = trainer.steps_done();
+                    observer.message(&format_args!("warning: no checkpoint after step {step}: {error}"));
+                }
+                written => {
+                    written?;
+                    observer.checkpoint(&self.path);
+                }
+            }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Photographs, Prior, Recipe};
+    use strivec_synth::{SynthOptions, synthesize};
+    use strivec_train::TrainConfig;
+
+    #[derive(Default)]
+    struct Warnings {
+        texts: Vec<String>,
+        stops: bool,
+    }
+
+    impl Observer for Warnings {
+        fn message(&mut self, text: &dyn std::fmt::Display) {
+            self.texts.extend(Some(text.to_string()).filter(|text| text.starts_with("warning: no checkpoint")));
+        }
+
+        fn stop(&self) -> bool {
+            self.stops
+        }
+    }
+
+    #[test]
+    fn a_checkpoint_that_cannot_be_written_does_not_end_the_run() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("spheres");
+        synthesize(&data, &SynthOptions { views: 6, test_views: 1, size: [16, 16], ..SynthOptions::default() })
+            .unwrap();
+        let mut config = TrainConfig::preset("fast").unwrap().with_steps(10);
+        config.sampling.batch_rays = 64;
+        config.schedule.occupancy_at.clear();
+        let absent = folder.path().join("absent/a.state");
+        let recipe = Recipe {
+            prior: Prior::Files { files: vec![data.join("mesh.ply")], options: Default::default() },
+            keep_dead: true,
+            checkpoint: Some(CheckpointFile { every: Some(5), ..CheckpointFile::new(absent) }),
+            ..Recipe::new(config)
+        };
+        let train = |observer: &mut Warnings| recipe.train_folder(&data, &Photographs::default(), observer);
+
+        let mut warnings = Warnings::default();
+        assert_eq!(train(&mut warnings).unwrap().steps, 10);
+        assert_eq!(warnings.texts.len(), 2, "{:?}", warnings.texts);
+        assert!(warnings.texts[0].starts_with("warning: no checkpoint after step 5: "), "{:?}", warnings.texts);
+        // Without a checkpoint, what an interrupted run has done is lost.
+        let interrupted = train(&mut Warnings { stops: true, ..Warnings::default() });
+        assert!(matches!(interrupted, Err(Error::File(_))), "{interrupted:?}");
     }
 }

@@ -34,6 +34,14 @@ pub enum Error {
     /// A file cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
+    /// The trained scene could be written nowhere.
+    #[error("{source}; the checkpoint {} is kept, and {} continues it", checkpoint.display(), OptionName("resume"))]
+    KeptCheckpoint {
+        /// The checkpoint of the run.
+        checkpoint: PathBuf,
+        /// Why the scene is not written.
+        source: FileError,
+    },
     /// The checkpoint is damaged.
     #[error("{}: {source}", path.display())]
     Checkpoint {

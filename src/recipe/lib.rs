@@ -53,7 +53,10 @@ mod trained;
 mod training;
 mod viewpoints;
 
-pub use atomic_file::{FileError, beside, check_output, remove_file, write_atomically, write_atomically_with};
+pub use atomic_file::{
+    FileError, Reservation, beside, check_output, read_file, remove_file, write_atomically, write_atomically_with,
+    write_or_keep,
+};
 pub use checkpoint_file::CheckpointFile;
 pub use error::Error;
 pub use fitting::Fitting;

@@ -6,16 +6,17 @@
 use super::viewpoints::{default_views, thumbnail};
 use super::{Error, Observer, Progress};
 use strivec_capture::dataset::Photograph;
+use strivec_field::Field;
 use strivec_field::render::Turntable;
 use strivec_format::container;
 use strivec_format::container::{Metadata, Quality, TrainingCamera};
 use strivec_format::digits::grouped;
-use strivec_format::model::Scene;
+use strivec_format::model::{MemoryLimit, ReferenceField, Scene};
 use strivec_format::psnr::psnr_of_mse;
 use strivec_measure::make_probes;
 use strivec_train::pack;
 use strivec_train::pack::{Candidate, FileLayout, MAX_TRIED, ModelCameras, ReferencePictures, fit_prefix, probe_views};
-use strivec_train::{FactorImportance, Trainer};
+use strivec_train::{FactorImportance, TrainError, Trainer};
 
 /// Pictures that a scene is judged by, and their size, at the usual effort.
 pub const JUDGED: (usize, u32) = (12, 320);
@@ -106,15 +107,22 @@ pub struct Packing<'a> {
 }
 
 impl<'a> Packing<'a> {
-    /// Measures `scene`. `cameras` are those of the photographs in the model's space, as far as they are known;
-    /// `photographs` are those to compare with, and a text that names them.
+    /// Measures `scene` within the memory that it allows, which later steps may exceed. `cameras` are those of the photographs
+    /// in the model's space, as far as they are known; `photographs` are those to compare with, and a text that names them.
+    ///
+    /// # Errors
+    ///
+    /// [`TrainError::Memory`].
     pub fn new(
-        scene: Scene,
+        mut scene: Scene,
         metadata: Metadata,
         mut cameras: Vec<TrainingCamera>,
         photographs: Option<&'a (Vec<Photograph>, String)>,
         options: &'a PackOptions,
-    ) -> Self {
+    ) -> Result<Self, TrainError> {
+        Field::<f32>::check_memory(&scene)?;
+        ReferenceField::check_memory(&scene)?;
+        scene.memory = MemoryLimit::NONE;
         // Cameras around the bounds stand for those of the photographs, unless these are within.
         if !metadata.cameras.is_empty() || Turntable::of(&scene, None, &cameras).is_none() {
             cameras.clone_from(&metadata.cameras);
@@ -127,7 +135,7 @@ impl<'a> Packing<'a> {
             (distortion, before, what.as_str())
         });
         let (views, own) = (probed(PROBED.0), ReferencePictures::from_own_pictures(&scene, probed(JUDGED.0)));
-        Self { scene, metadata, cameras, views, own, real, options }
+        Ok(Self { scene, metadata, cameras, views, own, real, options })
     }
 
     /// The importance of the factors of `scene`, seen as this one.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::atomic_file::{FileError, beside, check_output, write_atomically};
+use super::atomic_file::{FileError, Reservation, beside, check_output, write_atomically, write_or_keep};
 use super::{CheckpointFile, Error, Observer, RefinedPoses};
 use strivec_format::model::Scene;
 use strivec_train::DeadComponents;
@@ -27,24 +27,28 @@ pub struct Trained {
 }
 
 impl Trained {
-    /// Checks, before a training, that [`Trained::write`] could write `output` and the poses beside it.
+    /// Checks, before a training, that [`Trained::write`] could write `output` and the poses beside it, and reserves them.
     ///
     /// # Errors
     ///
     /// All errors of [`check_output`].
-    pub fn check_output(output: &Path, force: bool) -> Result<(), FileError> {
-        check_output(output, force)?;
-        check_output(&poses_file(output), force)
+    pub fn check_output(output: &Path, force: bool) -> Result<[Reservation; 2], FileError> {
+        Ok([check_output(output, force)?, check_output(&poses_file(output), force)?])
     }
 
     /// Writes the scene file `output` and, if poses were refined, `OUTPUT.poses.json`; then removes the checkpoint. With
-    /// `force`, overwrites files that exist.
+    /// `force`, overwrites files that exist. If the scene cannot be written, [`write_or_keep`] keeps it, and the checkpoint stays.
     ///
     /// # Errors
     ///
-    /// [`Error::File`].
+    /// [`Error::File`]; [`Error::KeptCheckpoint`] if only the checkpoint is kept.
     pub fn write(&self, output: &Path, force: bool, observer: &mut dyn Observer) -> Result<(), Error> {
-        write_atomically(output, &self.bytes, force)?;
+        write_or_keep(output, &self.bytes, force).map_err(|source| match &self.checkpoint {
+            Some(CheckpointFile { path, .. }) if !matches!(source, FileError::Kept { .. }) && path.is_file() => {
+                Error::KeptCheckpoint { checkpoint: path.clone(), source }
+            }
+            _ => source.into(),
+        })?;
         if let Some(poses) = &self.refined_poses {
             let path = poses_file(output);
             write_atomically(&path, poses.to_json().as_bytes(), force)?;

@@ -176,7 +176,7 @@ impl Recipe {
                 None => finished = Some((seen, bytes)),
                 Some(most) => {
                     let steps = trainer.config().steps_for_size();
-                    packing(scene).begin_for_size(trainer, most, steps, observer)?;
+                    packing(scene)?.begin_for_size(trainer, most, steps, observer)?;
                 }
             }
         }
@@ -186,7 +186,7 @@ impl Recipe {
                 run_steps(trainer, self.checkpoint.as_ref(), observer)?;
                 let scene = with_background(trainer.unrounded_scene());
                 let most = max_bytes.unwrap_or(u64::MAX);
-                let (scene, bytes, _) = packing(scene).finish_for_size(trainer, most, observer)?;
+                let (scene, bytes, _) = packing(scene)?.finish_for_size(trainer, most, observer)?;
                 (scene, bytes)
             }
         };

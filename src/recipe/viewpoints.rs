@@ -30,7 +30,7 @@ pub(super) fn default_views(scene: &Scene, cameras: &[TrainingCamera]) -> Views 
 pub(super) fn thumbnail(scene: &Scene, views: &Views) -> Result<Thumbnail, measure::Error> {
     let Pose { position, rotation } = views.first;
     let camera = Viewpoint { position, rotation, vertical_angle: views.angle_of_view }.camera([THUMBNAIL; 2]);
-    let picture = CpuRenderer::<f32>::new(scene).render(&camera);
+    let picture = CpuRenderer::<f32>::unlimited(scene).render(&camera);
     let size = [picture.width, picture.height];
     let colors: Vec<[f32; 3]> = picture.pixels.iter().map(|pixel| pixel.color).collect();
     let file = color_jpeg(size, &colors, JPEG_QUALITY)?;

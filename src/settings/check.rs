@@ -1,14 +1,20 @@
 //! Ranges of settings that their types do not express.
 
+use std::ops::RangeInclusive;
+
 use glam::DVec3;
 
 use super::{
-    BootstrapOptions, ConfigError, FinishConfig, LeanConfig, PhotographConfig, ScaleConfig, SpaceConfig, TrainConfig,
+    BootstrapOptions, ConfigError, DecoderConfig, FinishConfig, LeanConfig, PhotographConfig, ScaleConfig, SpaceConfig,
+    TrainConfig,
 };
+use strivec_format::container::{FEATURES, FREQUENCIES, LAYER_WIDTH, LAYERS, RANK, RESOLUTION};
 use strivec_format::geometry::Aabb;
 use strivec_format::model::Sky;
 use strivec_format::{Invalid, Place};
 
+/// Rays of a step: of a million, rays, gradients and samples take some gigabytes.
+const BATCH_RAYS: RangeInclusive<u64> = 1..=1 << 20;
 /// The most candidates for a ray of a step.
 const MAX_CANDIDATES: u32 = 16;
 
@@ -21,7 +27,6 @@ impl TrainConfig {
     pub fn check(&self) -> Result<(), ConfigError> {
         for (place, value) in [
             ("schedule.steps", self.schedule.steps as f64),
-            ("sampling.batch_rays", self.sampling.batch_rays as f64),
             ("optimizer.factor_learning_rate", self.optimizer.factor_learning_rate),
             ("optimizer.network_learning_rate", self.optimizer.network_learning_rate),
             ("optimizer.sky_learning_rate", self.optimizer.sky_learning_rate),
@@ -30,6 +35,15 @@ impl TrainConfig {
             ("space.half_extent", self.space.half_extent),
         ] {
             positive(place, value)?;
+        }
+        within("sampling.batch_rays", BATCH_RAYS, self.sampling.batch_rays as u64)?;
+        let DecoderConfig { features, feature_frequencies, direction_frequencies, hidden, .. } = &self.decoder;
+        within("decoder.features", FEATURES, (*features).into())?;
+        within("decoder.feature_frequencies", FREQUENCIES, (*feature_frequencies).into())?;
+        within("decoder.direction_frequencies", FREQUENCIES, (*direction_frequencies).into())?;
+        hidden.iter().try_for_each(|&width| within("decoder.hidden", LAYER_WIDTH, width.into()))?;
+        if hidden.len() as u64 >= *LAYERS.end() {
+            return Err(error("decoder.hidden", &format!("fewer than {} widths", LAYERS.end()), hidden.len()));
         }
         let least = self.decoder.mode.min_features();
         if self.decoder.features < least {
@@ -146,16 +160,13 @@ impl ScaleConfig {
                 return Err(error(&place("edge"), &expected, self.edge[a]));
             }
         }
-        positive(&place("density_rank"), f64::from(self.density_rank))?;
-        positive(&place("appearance_rank"), f64::from(self.appearance_rank))?;
+        within(&place("density_rank"), RANK, self.density_rank.into())?;
+        within(&place("appearance_rank"), RANK, self.appearance_rank.into())?;
         if self.resolutions.len() != upsamplings + 1 {
             let expected = format!("a list of {}, one more than `schedule.upsample_at` has", upsamplings + 1);
             return Err(error(&place("resolutions"), &expected, self.resolutions.len()));
         }
-        if self.resolutions.iter().flatten().any(|&d| d == 0) {
-            return Err(error(&place("resolutions"), "at least 1", 0));
-        }
-        Ok(())
+        self.resolutions.iter().flatten().try_for_each(|&d| within(&place("resolutions"), RESOLUTION, d.into()))
     }
 }
 
@@ -172,7 +183,7 @@ impl BootstrapOptions {
                 "1 to 4 positive numbers with a sum of at most 2^30",
                 format!("{:?}", self.steps),
             ),
-            ("batch_rays", (1..=1 << 20).contains(&self.batch_rays), "1 to 1048576", self.batch_rays.to_string()),
+            ("batch_rays", BATCH_RAYS.contains(&(self.batch_rays as u64)), "1 to 1048576", self.batch_rays.to_string()),
             ("components", (1..=256).contains(&self.components), "1 to 256", self.components.to_string()),
             ("resolution", (8..=256).contains(&self.resolution), "8 to 256", self.resolution.to_string()),
             ("occupied_alpha", is_fraction(self.occupied_alpha), "in [0, 1)", self.occupied_alpha.to_string()),
@@ -190,6 +201,14 @@ impl BootstrapOptions {
         }
         Ok(())
     }
+}
+
+/// Fails unless `found` lies within `range`, so that nothing whose size a setting declares is made that no file can hold.
+fn within(place: &str, range: RangeInclusive<u64>, found: u64) -> Result<(), ConfigError> {
+    if range.contains(&found) {
+        return Ok(());
+    }
+    Err(error(place, &format!("{} to {}", range.start(), range.end()), found))
 }
 
 fn positive(place: &str, value: f64) -> Result<(), ConfigError> {

@@ -41,6 +41,15 @@ fn unknown_fields_and_senseless_values_are_named() {
     assert!(message("photographs.sky_degree = 5").contains("0 to 4"));
     assert!(message("[photographs]\nsky_degree = 2\nrandom_background = true").contains("random_background"));
     assert!(message("[decoder]\nmode = \"residual\"\nfeatures = 2").contains("at least 3"));
+    // What would be made of these would take more memory than there is.
+    assert!(message("sampling.batch_rays = 4000000000").ends_with("must be 1 to 1048576; found 4000000000"));
+    assert!(message("bootstrap.batch_rays = 4000000000").ends_with("must be 1 to 1048576; found 4000000000"));
+    assert!(message("decoder.hidden = [64, 1000000000]").ends_with("must be 1 to 1024; found 1000000000"));
+    assert!(message("decoder.features = 100000").ends_with("must be 1 to 256; found 100000"));
+    assert!(message("decoder.direction_frequencies = 17").ends_with("must be 0 to 16; found 17"));
+    let mut config = TrainConfig::preset("fast").unwrap();
+    config.scales[0].density_rank = 1 << 30;
+    assert!(config.check().unwrap_err().to_string().contains("1 to 512"));
     for mode in DecoderMode::ALL.map(DecoderMode::name) {
         assert!(message("[decoder]\nmode = \"each\"").contains(mode), "{mode}");
     }

@@ -146,7 +146,7 @@ mod tests {
         (scene.scales[0].factors.density, scene.scales[0].factors.appearance) = (vec![block.clone()], vec![]);
         (scene.scales[0].factors.appearance, scene.scales[0].appearance_matrix.rank) = (vec![block.clone()], 2);
         scene.scales[0].appearance_matrix.weights = vec![0.0; 4];
-        let field = Field::<f32>::new(&scene);
+        let field = Field::<f32>::unlimited(&scene);
         let rules = BlockRules::new(&field.scales[0].density[0], 0.7, 1.3);
         let mut gradients = vec![0.0; block.values.len()];
         rules.add_gradients(&block.values, &mut gradients);

@@ -171,7 +171,7 @@ impl CoarseCube {
     /// The cells of `scene` that are dense and at most one cell away from a sample that `views` see, in the dataset's
     /// space.
     fn occupied(&self, scene: &Scene, views: &[Photograph], options: &BootstrapOptions) -> VoxelBoxes {
-        let field = Field::<f32>::new(scene);
+        let field = Field::<f32>::unlimited(scene);
         let size = 2 * self.resolution;
         let seen = self.seen(&field, views, options);
         let is_near_seen = |cell: UVec3| {

@@ -68,7 +68,7 @@ impl CellMap {
         let size = (bounds.size() / edge).ceil().max(DVec3::ONE).to_array().map(|n| n as usize);
         let mut map = Self { size, edge, cells: vec![Cell::default(); size.iter().product()], unseen_parameters: 0.0 };
         let lattice = Lattice { origin: bounds.min, pitch: DVec3::splat(edge) };
-        let field = Field::<f32>::new(scene);
+        let field = Field::<f32>::unlimited(scene);
         let colors = batch.colors(&field);
         for seen in map.see(&field, batch, &lattice) {
             for CellContribution { cell, ray, weight } in seen {

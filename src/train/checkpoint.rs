@@ -1,9 +1,11 @@
 //! Checkpoints: the state with which a run resumes and ends in the same bytes as without the interruption.
 //!
 //! A checkpoint is one safetensors file: the moments as tensors, which other tools can read, the scene's own file as
-//! bytes, and the rest as metadata with a checksum of all tensors.
+//! bytes, and the rest as metadata with a version and a checksum. The checksum is that of the whole file with zeros for the
+//! digits of the checksum itself, so that no setting and no counter can change unnoticed.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use glam::{DMat3, DMat4, DVec4};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
@@ -14,6 +16,13 @@ use super::{CheckpointError, Exposures, Moments, NetworkLayout, RaySampler, Roun
 use strivec_field::{Field, FieldScale, Real};
 use strivec_format::Invalid;
 use strivec_format::geometry::Camera;
+
+/// The version of the file, raised when a reader of the last one would misread it.
+const VERSION: &str = "1";
+/// The beginning of the checksum in the metadata, as JSON. Quotes of other texts are escaped there.
+const CHECKSUM: &[u8] = b"\"checksum\":\"";
+/// The digits of the checksum, leading zeros included.
+const CHECKSUM_DIGITS: usize = 10;
 
 /// The metadata of the numbers of [`Rounding`].
 const ROUNDING: [&str; 4] = ["bit", "first_bit", "file_bytes_goal", "file_bytes_at_start"];
@@ -175,8 +184,6 @@ impl Checkpoint {
         tensors.push(("scene".into(), Dtype::U8, scene_file));
         // One order, so that a state has one file.
         tensors.sort_by(|a, b| a.0.cmp(&b.0));
-        let mut hasher = crc32fast::Hasher::new();
-        tensors.iter().for_each(|t| hasher.update(t.2));
         let mut metadata = HashMap::from([
             ("config".to_string(), self.config.to_toml()),
             ("step".to_string(), self.step.to_string()),
@@ -184,7 +191,8 @@ impl Checkpoint {
             ("restarted_at".to_string(), self.restarted_at.to_string()),
             ("seconds".to_string(), self.seconds.to_string()),
             ("photographs".to_string(), self.photographs.to_string()),
-            ("checksum".to_string(), hasher.finalize().to_string()),
+            ("version".to_string(), VERSION.to_string()),
+            ("checksum".to_string(), "0".repeat(CHECKSUM_DIGITS)),
         ]);
         if let Some(psnr) = self.psnr_at_start {
             metadata.insert("psnr_at_start".to_string(), psnr.to_string());
@@ -197,7 +205,11 @@ impl Checkpoint {
             let view = TensorView::new(*dtype, vec![bytes.len() * 8 / dtype.bitsize()], bytes);
             (name.as_str(), view.expect("the length is a multiple of the element's"))
         });
-        safetensors::serialize(views, Some(metadata)).expect("names and lengths are sound")
+        let mut file = safetensors::serialize(views, Some(metadata)).expect("names and lengths are sound");
+        let digits = checksum_digits(&file).expect("the metadata have a checksum");
+        let checksum = checksum(&file, &digits);
+        file[digits].copy_from_slice(format!("{checksum:0CHECKSUM_DIGITS$}").as_bytes());
+        file
     }
 
     fn moments(&self) -> impl Iterator<Item = (String, &Moments<f32>)> {
@@ -212,7 +224,7 @@ impl Checkpoint {
     ///
     /// # Errors
     ///
-    /// If a part is missing or damaged; the error names the first such part.
+    /// If the file is of another version, or a part is missing or damaged; the error names the first such part.
     pub fn from_bytes(bytes: &[u8]) -> Result<(Self, Vec<u8>), CheckpointError> {
         let not_safetensors =
             |e: safetensors::SafeTensorError| malformed("file", "a safetensors file", format!("a damaged one ({e})"));
@@ -224,14 +236,16 @@ impl Checkpoint {
         fn number<N: std::str::FromStr>(key: &str, text: &str) -> Result<N, CheckpointError> {
             text.parse().map_err(|_| malformed(&format!("metadata {key}"), "a number", text))
         }
-        let mut tensors = file.tensors();
-        tensors.sort_by(|a, b| a.0.cmp(&b.0));
-        let mut hasher = crc32fast::Hasher::new();
-        tensors.iter().for_each(|(_, view)| hasher.update(view.data()));
+        let version = text("version").map_or("an older one", String::as_str);
+        if version != VERSION {
+            let expected = format!("{VERSION}; finish the run with the program that wrote it");
+            return Err(malformed("version", expected, version));
+        }
+        let digits = checksum_digits(bytes).ok_or_else(|| malformed("metadata checksum", "present", "missing"))?;
+        let found = checksum(bytes, &digits);
         let expected: u32 = number("checksum", text("checksum")?)?;
-        let found = hasher.finalize();
-        if expected != found {
-            return Err(malformed("tensors", format!("checksum {expected}"), found));
+        if bytes[digits] != *format!("{found:0CHECKSUM_DIGITS$}").as_bytes() {
+            return Err(malformed("bytes", format!("of the checksum {expected}"), found));
         }
         let tensor = |name: &str, dtype: Dtype| {
             let view = file.tensor(name).map_err(|_| malformed(&format!("tensor {name}"), "present", "missing"))?;
@@ -295,6 +309,9 @@ impl Checkpoint {
             active_rays: tensor("active_rays", Dtype::U8)?.to_vec(),
             config,
         };
+        if !(checkpoint.seconds.is_finite() && checkpoint.seconds >= 0.0) {
+            return Err(malformed("seconds", "a finite number of at least 0", checkpoint.seconds));
+        }
         if checkpoint.restarted_at > checkpoint.step || checkpoint.step > checkpoint.config.schedule.steps {
             let found = format!("{} and {}", checkpoint.restarted_at, checkpoint.step);
             return Err(malformed(
@@ -305,6 +322,25 @@ impl Checkpoint {
         }
         Ok((checkpoint, tensor("scene", Dtype::U8)?.to_vec()))
     }
+}
+
+/// The place of the checksum's digits in the checkpoint `file`.
+fn checksum_digits(file: &[u8]) -> Option<Range<usize>> {
+    let (length, rest) = file.split_first_chunk()?;
+    let header = &rest[..rest.len().min(usize::try_from(u64::from_le_bytes(*length)).ok()?)];
+    let before = header.windows(CHECKSUM.len()).position(|window| window == CHECKSUM)?;
+    let first = length.len() + before + CHECKSUM.len();
+    let digits = first..first + CHECKSUM_DIGITS;
+    (digits.end <= length.len() + header.len()).then_some(digits)
+}
+
+/// The checksum of `file` with zeros at `digits`.
+fn checksum(file: &[u8], digits: &Range<usize>) -> u32 {
+    let mut hasher = crc32fast::Hasher::new();
+    hasher.update(&file[..digits.start]);
+    hasher.update(&[b'0'; CHECKSUM_DIGITS]);
+    hasher.update(&file[digits.end..]);
+    hasher.finalize()
 }
 
 /// \[scale\]\[block\] what `read` finds at `places`.

@@ -1,6 +1,7 @@
 //! Errors of training.
 
 use strivec_format::Invalid;
+use strivec_format::model::OverMemory;
 
 use super::{ConfigError, Divergence};
 
@@ -42,6 +43,9 @@ pub enum TrainError {
         /// The symptom, and the setting to change.
         found: Divergence,
     },
+    /// The scene takes more memory than it may.
+    #[error(transparent)]
+    Memory(#[from] OverMemory),
     /// The checkpoint does not belong to the scene and the photographs.
     #[error(transparent)]
     Checkpoint(#[from] CheckpointError),

@@ -19,7 +19,7 @@ impl Trainer<'_> {
 
     /// PSNR of another `scene` on the rays of [`Trainer::psnr`], in dB.
     pub fn psnr_of(&self, scene: &Scene) -> f64 {
-        let field = Field::new(scene);
+        let field = Field::unlimited(scene);
         self.measuring_rays(&field).psnr(&field)
     }
 

@@ -3,7 +3,7 @@
 use super::{ConfigError, TrainConfig};
 use strivec_format::geometry::Aabb;
 use strivec_format::model::{
-    AppearanceMatrix, Coverage, Decoder, Factors, Frame, Linear, Provenance, Scale, Scene, TensorCloud,
+    AppearanceMatrix, Coverage, Decoder, Factors, Frame, Linear, MemoryLimit, Provenance, Scale, Scene, TensorCloud,
 };
 use strivec_format::random::Random;
 use strivec_format::{Invalid, Place};
@@ -68,7 +68,7 @@ pub fn initial_scene(
         tool: concat!("strivec ", env!("CARGO_PKG_VERSION")).into(),
     };
     let decoder = initial_decoder(config);
-    Ok(Scene { frame, bounds, rules, scales, decoder, occupancy: None, provenance })
+    Ok(Scene { frame, bounds, rules, scales, decoder, occupancy: None, provenance, memory: MemoryLimit::NONE })
 }
 
 /// PyTorch's default for linear layers: uniform in ±1/√inputs.

@@ -101,7 +101,7 @@ mod tests {
     #[test]
     fn a_file_has_the_weights_that_pictures_are_of() {
         let mut scene = decode(TWO_SCALES).unwrap();
-        let mut field = Field::new(&scene);
+        let mut field = Field::unlimited(&scene);
         let trained = weights(&mut field);
         let mut networks = UnroundedNetworks::from_field(&mut field);
         assert_ne!(weights(&mut field), trained);
@@ -113,7 +113,7 @@ mod tests {
             network_steps: networks.steps(),
             ..EncodeOptions::default()
         };
-        let mut read = Field::new(&decode(&encode(&scene, &options).unwrap()).unwrap());
+        let mut read = Field::unlimited(&decode(&encode(&scene, &options).unwrap()).unwrap());
         assert_eq!(weights(&mut read), weights(&mut field));
 
         networks.write(&mut field.decoder);

@@ -93,7 +93,7 @@ pub fn place_scene(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxe
 /// The errors of [`place_scene`].
 pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBoxes) -> Result<f64, PrepareError> {
     let scene = place_scene(&close_tensors(config), dataset, occupied)?;
-    let field = Field::<f32>::new(&scene);
+    let field = Field::<f32>::unlimited(&scene);
     let stride = coverage_stride(dataset);
     let counts = dataset.views.par_iter().map(|view| {
         let mut counts = [0_u64; 2];
@@ -120,7 +120,7 @@ pub fn with_far_cells(
 ) -> Result<VoxelBoxes, PrepareError> {
     let Some(contraction) = config.model.contraction else { return Ok(occupied.clone()) };
     let scene = place_scene(&close_tensors(config), dataset, occupied)?;
-    let field = Field::<f32>::new(&scene);
+    let field = Field::<f32>::unlimited(&scene);
     let lattice = occupied.lattice;
     let bounds = contraction.bounds().grown(-0.5 * lattice.pitch);
     let stride = coverage_stride(dataset);

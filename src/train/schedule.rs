@@ -86,7 +86,7 @@ impl Trainer<'_> {
             let mut scene = self.scene();
             let kept = prune_unoccupied(&mut scene);
             self.checkpoint.keep_tensors(&kept, &self.field);
-            self.field = Field::from_scene(&mut scene);
+            self.field = Field::unlimited_from_scene(&mut scene);
             self.scene = scene;
         }
     }

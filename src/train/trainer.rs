@@ -19,7 +19,7 @@ use super::{
 use strivec_capture::dataset::Photograph;
 use strivec_field::{Field, FieldDecoder, FieldFactors, Pool, Roulette, Stage, StageClock, Work, vectorized};
 use strivec_format::geometry::{Camera, Ray};
-use strivec_format::model::Scene;
+use strivec_format::model::{MemoryLimit, Scene};
 use strivec_format::random::Random;
 
 /// A run in progress.
@@ -61,9 +61,9 @@ impl<'a> Trainer<'a> {
     ///
     /// # Errors
     ///
-    /// [`TrainError::NoRays`] and [`TrainError::TooManyPixels`].
+    /// [`TrainError::NoRays`], [`TrainError::TooManyPixels`] and [`TrainError::Memory`].
     pub fn new(config: TrainConfig, mut scene: Scene, views: &'a [Photograph]) -> Result<Self, TrainError> {
-        let field = Field::from_scene(&mut scene);
+        let field = field_of(&mut scene)?;
         let mut sampler = sampler_of(&scene, views, &config)?;
         sampler.filter_rays(&field);
         let checkpoint = Checkpoint::start(&config, &field, &sampler);
@@ -78,9 +78,9 @@ impl<'a> Trainer<'a> {
     ///
     /// # Errors
     ///
-    /// If `views` are not those that the run began with, or `scene` is not the checkpoint's.
+    /// If `views` are not those that the run began with, `scene` is not the checkpoint's, or it takes more memory than it may.
     pub fn resume(checkpoint: Checkpoint, mut scene: Scene, views: &'a [Photograph]) -> Result<Self, TrainError> {
-        let field = Field::from_scene(&mut scene);
+        let field = field_of(&mut scene)?;
         let mut sampler = sampler_of(&scene, views, &checkpoint.config)?;
         checkpoint.restore(&field, &mut sampler)?;
         Self::assemble(checkpoint.config.clone(), scene, field, sampler, checkpoint)
@@ -128,7 +128,7 @@ impl<'a> Trainer<'a> {
     pub(super) fn restart_from(&mut self, mut scene: Scene, steps: u64) {
         self.steps_before += self.checkpoint.step;
         self.checkpoint.step = 0;
-        self.field = Field::from_scene(&mut scene);
+        self.field = Field::unlimited_from_scene(&mut scene);
         self.backward = backward(&self.config, &self.field);
         self.scene = scene;
         self.config.schedule.steps = steps;
@@ -380,6 +380,13 @@ impl<'a> Trainer<'a> {
         }
         pool.for_each(|gradient| work.add(&gradient.clock.work));
     }
+}
+
+/// The field of `scene`, whose factors it takes, within the memory that the scene allows. What is trained may then take more.
+fn field_of(scene: &mut Scene) -> Result<Field<f32>, TrainError> {
+    let field = Field::from_scene(scene)?;
+    scene.memory = MemoryLimit::NONE;
+    Ok(field)
 }
 
 /// The loss of `config`, on `field`.

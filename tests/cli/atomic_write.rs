@@ -122,15 +122,15 @@ fn a_full_disk_leaves_the_old_file() {
 fn without_force_nothing_is_overwritten() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("scene.strivec");
-    check_output(&path, false).unwrap();
+    drop(check_output(&path, false).unwrap());
     write_atomically(&path, b"one", false).unwrap();
-    for refused in [check_output(&path, false), write_atomically(&path, b"two", false)] {
+    for refused in [check_output(&path, false).map(drop), write_atomically(&path, b"two", false)] {
         let error = refused.unwrap_err();
         assert_eq!(error.exit_code(), 1);
         assert!(error.to_string().contains("scene.strivec") && error.to_string().contains("--force"), "{error}");
     }
     assert_eq!(fs::read(&path).unwrap(), b"one");
-    check_output(&path, true).unwrap();
+    drop(check_output(&path, true).unwrap());
     write_atomically(&path, b"two", true).unwrap();
     assert_eq!(fs::read(&path).unwrap(), b"two");
     assert_eq!(fs::read_dir(&folder).unwrap().count(), 1);

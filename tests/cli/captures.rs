@@ -70,7 +70,7 @@ fn a_turntable_of_an_unbounded_scene_is_where_its_photographs_were_taken() {
     run(folder.path(), &[&arguments[..], &["--path", "turntable", "--frames", "2"]].concat());
     let turn = Turntable::of(&scene, None, &cameras).unwrap();
     assert!((turn.radius - 0.8).abs() < 1e-6 && (turn.height - 0.3).abs() < 1e-6, "{turn:?}");
-    let renderer = CpuRenderer::new(&scene);
+    let renderer = CpuRenderer::unlimited(&scene);
     for (name, share) in [("frame_0000", 0.0), ("frame_0001", 0.5)] {
         let found = fs::read(folder.path().join(format!("frames/{name}.png"))).unwrap();
         let expected = png(&renderer.render(&turn.camera(share, [12, 8])));
@@ -95,7 +95,7 @@ fn near_depths_of_an_unbounded_scene_are_told_apart() {
     let scale = scale["scale"].as_f64().unwrap();
     let gray = image::open(folder.path().join("frames/orbit_000_depth.png")).unwrap().into_luma16().into_raw();
     let turn = Turntable::of(&scene, None, &cameras).unwrap();
-    let picture = CpuRenderer::new(&scene).render(&turn.camera(0.0, [12, 8]));
+    let picture = CpuRenderer::unlimited(&scene).render(&turn.camera(0.0, [12, 8]));
     let units = scene.frame.model_from_dataset.scale;
     let mut seen = 0;
     for (&gray, pixel) in gray.iter().zip(&picture.pixels) {
@@ -149,7 +149,7 @@ fn an_unbounded_scene_is_packed_as_its_cameras_see_it() {
         vertical_angle: views.angle_of_view,
     };
     let thumbnail = small.metadata.thumbnail.unwrap();
-    let picture = CpuRenderer::new(&small.scene).render(&camera.camera(thumbnail.size.map(u32::from)));
+    let picture = CpuRenderer::unlimited(&small.scene).render(&camera.camera(thumbnail.size.map(u32::from)));
     let found = image::load_from_memory(&thumbnail.file).unwrap().into_rgb8();
     let errors = found.pixels().zip(&picture.pixels).flat_map(|(found, expected)| {
         (0..3).map(|c| (f64::from(found.0[c]) / 255.0 - f64::from(expected.color[c])).powi(2)).collect::<Vec<_>>()
@@ -228,6 +228,6 @@ fn a_room_is_seen_from_its_middle_by_default() {
     ];
     run(folder.path(), &arguments);
     let found = fs::read(folder.path().join("frames/frame_0001.png")).unwrap();
-    let expected = CpuRenderer::new(&scene).render(&turn.camera(1.0 / 3.0, [12, 8]));
+    let expected = CpuRenderer::unlimited(&scene).render(&turn.camera(1.0 / 3.0, [12, 8]));
     assert!(apart(&found, &png(&expected)) <= 1);
 }

@@ -12,6 +12,7 @@ mod evaluation;
 mod examples;
 mod for_size;
 mod layouts;
+mod memory;
 mod pack;
 mod poses;
 mod prior_files;

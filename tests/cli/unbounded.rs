@@ -79,7 +79,7 @@ fn walls_far_outside_the_inner_cube_are_found_and_learned() {
     let bytes = container::encode(&scene, &EncodeOptions::uniform(Encoding::F32)).unwrap();
     assert_eq!(container::decode(&bytes).unwrap().rules, scene.rules);
 
-    let renderer = CpuRenderer::new(&scene);
+    let renderer = CpuRenderer::unlimited(&scene);
     let (mut squared, mut depths) = (0.0, Vec::new());
     for view in &dataset.views {
         let camera = view.camera.mapped(&scene.frame.model_from_dataset);

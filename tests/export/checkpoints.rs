@@ -77,7 +77,7 @@ struct Difference {
 /// Compares every `every`th of `rays`.
 fn difference(scene: &Scene, rays: &[Ray], expected: &[[f64; 3]], every: usize) -> Difference {
     let (rays, expected): (Vec<Ray>, Vec<[f64; 3]>) = rays.iter().zip(expected).step_by(every).unzip();
-    let (reference, fast) = (ReferenceRenderer::new(scene), CpuRenderer::new(scene));
+    let (reference, fast) = (ReferenceRenderer::new(scene), CpuRenderer::unlimited(scene));
     let mut found = Difference { rays: rays.len(), ..Difference::default() };
     for ((ray, expected), pixel) in rays.iter().zip(&expected).zip(fast.trace(&rays)) {
         let trace = reference.trace_one(ray);

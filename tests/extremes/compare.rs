@@ -46,8 +46,8 @@ impl Way {
     /// The pixels of `rays` through `scene`.
     pub(crate) fn trace(self, scene: &Scene, rays: &[Ray]) -> Vec<Pixel> {
         match self {
-            Self::CpuF64 => CpuRenderer::from_field(Field::<f64>::new(scene)).trace(rays),
-            Self::CpuF32 => CpuRenderer::new(scene).trace(rays),
+            Self::CpuF64 => CpuRenderer::from_field(Field::<f64>::unlimited(scene)).trace(rays),
+            Self::CpuF32 => CpuRenderer::unlimited(scene).trace(rays),
             Self::GpuF32 => on_device(scene, rays, Precision::F32),
             Self::GpuF16 => on_device(scene, rays, Precision::F16),
         }

@@ -4,7 +4,7 @@ use glam::DVec3;
 use strivec_format::geometry::{Aabb, Similarity};
 use strivec_format::model::{
     Aggregation, AppearanceMatrix, Block, ColorSpace, Coverage, Decoder, DecoderMode, FactorKind, Factors, Form, Frame,
-    Linear, Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis,
+    Linear, MemoryLimit, Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis,
 };
 use strivec_format::random::Random;
 
@@ -148,6 +148,7 @@ impl Made {
             },
             occupancy: None,
             provenance: Provenance::default(),
+            memory: MemoryLimit::NONE,
         };
         scene.check().expect("a valid scene");
         scene

@@ -114,7 +114,7 @@ proptest! {
         let read = decode(&encode(&scene, &cut).unwrap()).unwrap();
         prop_assert!(read == decode(&encode(&scene, &whole).unwrap()).unwrap());
         let rays = rays_through(&scene, 40);
-        prop_assert!(CpuRenderer::new(&scene).trace(&rays) == CpuRenderer::new(&read).trace(&rays));
+        prop_assert!(CpuRenderer::unlimited(&scene).trace(&rays) == CpuRenderer::unlimited(&read).trace(&rays));
     }
 
     #[test]
@@ -155,7 +155,7 @@ proptest! {
         let rays = rays_through(&scene, 600);
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| CpuRenderer::new(&scene).trace(&rays))
+            pool.install(|| CpuRenderer::unlimited(&scene).trace(&rays))
         };
         let alone = on(1);
         prop_assert!(on(threads) == alone);

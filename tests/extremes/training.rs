@@ -29,7 +29,7 @@ fn assert_finite_gradients(name: &str, scene: &Scene) {
             weight: 1.0,
         })
         .collect();
-    let field = Field::<f32>::new(scene);
+    let field = Field::<f32>::unlimited(scene);
     let found = Backward::new(&field).gradients(&field, &rays, &targets, BatchRoulette::default());
     assert!(found.loss.is_finite(), "{name}: loss {}", found.loss);
     let groups = [("factors", found.factors.concat().concat()), ("networks", found.networks)];
@@ -86,7 +86,7 @@ fn gradients_are_finite_at_every_extreme() {
 /// Views of a scene of random tensors.
 fn views(count: usize) -> Vec<Photograph> {
     let scene = scenes::scene(&TrainConfig { seed: 77, ..scenes::config() });
-    let renderer = CpuRenderer::new(&scene);
+    let renderer = CpuRenderer::unlimited(&scene);
     let view = |i: usize| {
         let camera = scenes::camera(24, i as f64);
         let pixels = Pixels::opaque(renderer.render(&camera).pixels.iter().map(|p| p.color));

@@ -2,7 +2,7 @@
 
 use crate::scenes;
 
-use strivec_field::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer};
+use strivec_field::render::{Approximation, CpuRenderer, Picture, ReferenceRenderer, Renderer, RendererError};
 use strivec_format::Place;
 use strivec_format::geometry::Camera;
 use strivec_format::model::{DecoderMode, Scene};
@@ -37,13 +37,13 @@ const EXACT: Approximation =
 fn nothing_is_left_out_by_default() {
     assert_eq!(Approximation::default(), EXACT);
     assert!(EXACT.is_exact());
-    assert_eq!(picture(&scene(), EXACT), CpuRenderer::new(&scene()).render(&camera()));
+    assert_eq!(picture(&scene(), EXACT), CpuRenderer::unlimited(&scene()).render(&camera()));
 }
 
 #[test]
 fn an_option_at_the_scenes_own_value_changes_no_bit() {
     let scene = scene();
-    let exact = CpuRenderer::new(&scene).render(&camera());
+    let exact = CpuRenderer::unlimited(&scene).render(&camera());
     for option in [
         Approximation { min_weight: Some(scene.rules.min_weight), ..EXACT },
         Approximation { min_transmittance: Some(scene.rules.min_transmittance), ..EXACT },
@@ -57,7 +57,7 @@ fn an_option_at_the_scenes_own_value_changes_no_bit() {
 #[test]
 fn a_strong_option_shows() {
     let scene = scene();
-    let exact = CpuRenderer::new(&scene).render(&camera());
+    let exact = CpuRenderer::unlimited(&scene).render(&camera());
     for option in [
         Approximation { step_scale: 8.0, ..EXACT },
         Approximation { min_weight: Some(0.05), ..EXACT },
@@ -155,7 +155,8 @@ fn options_out_of_range_are_refused_by_name() {
         (Approximation { min_weight: Some(nan), ..EXACT }, "min_weight", "a number in [0, 1)"),
         (Approximation { min_transmittance: Some(-0.1), ..EXACT }, "min_transmittance", "a number in [0, 1)"),
     ] {
-        let error = CpuRenderer::<f32>::with_approximation(scene.clone(), &option).expect_err("a refusal");
+        let refused = CpuRenderer::<f32>::with_approximation(scene.clone(), &option).expect_err("a refusal");
+        let RendererError::Approximation(error) = refused else { panic!("{refused}") };
         assert_eq!((&error.place, error.expected.as_str()), (&Place::option(name), expected), "{error}");
     }
 }
@@ -181,7 +182,7 @@ fn pictures_do_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn a_picture_has_the_pixels_of_its_rays() {
-    let renderer = CpuRenderer::new(&scene());
+    let renderer = CpuRenderer::unlimited(&scene());
     let (camera, picture) = (camera(), renderer.render(&camera()));
     for (row, column) in [(0, 0), (20, 17), (38, 44), (15, 16), (16, 15), (25, 31)] {
         let seen = renderer.trace(&[camera.ray(column, row).unwrap()])[0];

@@ -131,7 +131,7 @@ fn raised_thresholds_have_the_pixels_of_the_cpu() {
         let device = GpuRenderer::new(&gpu, scene.clone(), &raised, Precision::F32);
         let drawn = Unwrapped(RefCell::new(device.unwrap())).render(&camera).pixels;
         let expected = CpuRenderer::<f32>::with_approximation(scene, &raised).unwrap().render(&camera).pixels;
-        let left_out = CpuRenderer::new(&baked).render(&camera).pixels;
+        let left_out = CpuRenderer::unlimited(&baked).render(&camera).pixels;
         let far = |of: &[Pixel]| {
             let is_far = |(a, b): &(&Pixel, &Pixel)| {
                 (0..3).any(|c| (a.color[c] - b.color[c]).abs() > 1e-4) || (a.opacity - b.opacity).abs() > 1e-4
@@ -148,7 +148,7 @@ fn cameras_with_lenses_have_the_pixels_of_the_cpu() {
     let (_, scene) = scenes::rule_cases().swap_remove(0);
     let drawn = renderer(&gpu(), &scene, Precision::F32);
     let camera = scenes::bent_camera(40);
-    let [found, expected] = [drawn.render(&camera), CpuRenderer::new(&scene).render(&camera)].map(|p| p.pixels);
+    let [found, expected] = [drawn.render(&camera), CpuRenderer::unlimited(&scene).render(&camera)].map(|p| p.pixels);
     let is_far = |(a, b): &(&Pixel, &Pixel)| (0..3).any(|c| (a.color[c] - b.color[c]).abs() > 1e-4);
     assert!(found.iter().zip(&expected).filter(is_far).count() <= 4);
     assert_eq!((found[0].opacity, found[0].color), (0.0, scene.frame.background), "beyond the lens");
@@ -163,7 +163,8 @@ fn skies_are_opaque_where_a_camera_sees_and_the_background_is_elsewhere() {
         scene.rules.sky = Some(scenes::sky(4));
         let drawn = renderer(&gpu, &scene, Precision::F32);
         for camera in [scenes::camera(33, 1.0), scenes::bent_camera(40)] {
-            let [found, expected] = [drawn.render(&camera), CpuRenderer::new(&scene).render(&camera)].map(|p| p.pixels);
+            let [found, expected] =
+                [drawn.render(&camera), CpuRenderer::unlimited(&scene).render(&camera)].map(|p| p.pixels);
             assert!(found.iter().zip(&expected).all(|(a, b)| a.opacity == b.opacity), "opacities are 0 or 1");
             let is_far = |(a, b): &(&Pixel, &Pixel)| (0..3).any(|c| (a.color[c] - b.color[c]).abs() > 1e-4);
             assert!(found.iter().zip(&expected).filter(is_far).count() <= 8);
@@ -219,7 +220,7 @@ fn rays_of_a_thousand_shaded_samples_have_the_pixels_of_the_cpu() {
         scene.rules.distance_scale = 2.0;
         let camera = scenes::camera(8, 1.0);
         let drawn = renderer(&gpu, &scene, Precision::F32).render(&camera);
-        let expected = CpuRenderer::new(&scene).render(&camera);
+        let expected = CpuRenderer::unlimited(&scene).render(&camera);
         let apart = |(a, b): (&Pixel, &Pixel)| (0..3).map(|c| (a.color[c] - b.color[c]).abs()).fold(0.0, f32::max);
         let largest = drawn.pixels.iter().zip(&expected.pixels).map(apart).fold(0.0, f32::max);
         assert!(expected.pixels.iter().any(|p| p.opacity > 0.3) && largest < 1e-3, "{mode:?}: {largest}");

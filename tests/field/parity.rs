@@ -18,7 +18,7 @@ fn cameras() -> [Camera; 2] {
 #[test]
 fn single_precision_follows_the_reference_under_every_rule_and_a_planted_difference_shows() {
     for (name, scene) in scenes::rule_cases() {
-        let found = parity(&scene, &CpuRenderer::new(&scene), &cameras(), F32_POSITION_ERROR);
+        let found = parity(&scene, &CpuRenderer::unlimited(&scene), &cameras(), F32_POSITION_ERROR);
         println!("{name}: {found:?}, near {:.2} %", 100.0 * found.near_share());
         assert!(found.clear_rays > 1500 && found.near_share() < 0.1, "{name}: {found:?}");
         assert!(found.clear_maximum < 2e-4, "{name}: {found:?}");
@@ -27,12 +27,12 @@ fn single_precision_follows_the_reference_under_every_rule_and_a_planted_differe
 
         let mut planted = scene.clone();
         planted.decoder.layers.last_mut().unwrap().bias[0] += 0.02;
-        let changed = parity(&scene, &CpuRenderer::new(&planted), &cameras(), F32_POSITION_ERROR);
+        let changed = parity(&scene, &CpuRenderer::unlimited(&planted), &cameras(), F32_POSITION_ERROR);
         assert!(changed.clear_maximum > 2e-4, "{name}: a planted difference goes unnoticed: {changed:?}");
         let Some(sky) = &mut planted.rules.sky else { continue };
         *sky.coefficients.last_mut().unwrap() += 0.05;
         planted.decoder = scene.decoder.clone();
-        let changed = parity(&scene, &CpuRenderer::new(&planted), &cameras(), F32_POSITION_ERROR);
+        let changed = parity(&scene, &CpuRenderer::unlimited(&planted), &cameras(), F32_POSITION_ERROR);
         assert!(changed.clear_maximum > 2e-4, "{name}: another sky goes unnoticed: {changed:?}");
     }
 }
@@ -46,9 +46,9 @@ fn a_sky_is_behind_the_scene_and_its_pixels_are_opaque() {
     let sky = scene.rules.sky.as_ref().unwrap();
     let camera = scenes::camera(32, 1.0);
     let rays: Vec<Ray> = camera.rays(0..32).flatten().collect();
-    let (fast, reference) = (CpuRenderer::new(&scene), ReferenceRenderer::new(&scene));
+    let (fast, reference) = (CpuRenderer::unlimited(&scene), ReferenceRenderer::new(&scene));
     let infos = fast.trace_info(&rays, true);
-    let without = CpuRenderer::new(&plain).trace_info(&rays, true);
+    let without = CpuRenderer::unlimited(&plain).trace_info(&rays, true);
     let (mut empty, mut mixed) = (0, 0);
     for (n, ray) in rays.iter().enumerate() {
         let exact = reference.trace_one(ray);
@@ -76,7 +76,7 @@ fn a_sky_is_behind_the_scene_and_its_pixels_are_opaque() {
 #[test]
 fn the_fast_field_in_double_precision_is_the_reference_to_rounding() {
     for (name, scene) in scenes::rule_cases() {
-        let found = parity(&scene, &CpuRenderer::from_field(Field::<f64>::new(&scene)), &cameras(), 1e-12);
+        let found = parity(&scene, &CpuRenderer::from_field(Field::<f64>::unlimited(&scene)), &cameras(), 1e-12);
         // Pixels are f32.
         assert!(found.clear_maximum < 1e-7, "{name}: {found:?}");
     }
@@ -89,7 +89,7 @@ fn pixels_that_a_lens_does_not_see_are_background_and_all_others_are_those_of_th
     let rays: Vec<Option<Ray>> = camera.rays(0..40).collect();
     let seen: Vec<Ray> = rays.iter().copied().flatten().collect();
     assert!((1000..1500).contains(&seen.len()), "{}", seen.len());
-    let (fast, reference) = (CpuRenderer::new(&scene), ReferenceRenderer::new(&scene));
+    let (fast, reference) = (CpuRenderer::unlimited(&scene), ReferenceRenderer::new(&scene));
     let of_renderer = |picture: Vec<Pixel>, mut traced: std::vec::IntoIter<Pixel>| {
         for (ray, pixel) in rays.iter().zip(picture) {
             match ray {
@@ -131,7 +131,7 @@ fn opacity_and_depth_follow_the_reference_and_a_planted_difference_shows() {
     let clear = expected.iter().filter(|e| e.margin > F32_POSITION_ERROR).count();
     assert!(clear > 400, "{clear} of {} rays are clear", rays.len());
     assert!(expected.iter().any(|e| e.opacity > 0.3 && e.depth > 2.0 && e.depth < 4.0));
-    let traced = CpuRenderer::new(&scene).trace(&rays);
+    let traced = CpuRenderer::unlimited(&scene).trace(&rays);
     // Few of all rays, with those near a threshold, fall on the other side of it.
     let differs = |(e, f): &(&Trace, &Pixel)| {
         (f64::from(f.opacity) - e.opacity).abs() > 1e-3 || (f64::from(f.depth) - e.depth).abs() > 1e-2
@@ -143,11 +143,11 @@ fn opacity_and_depth_follow_the_reference_and_a_planted_difference_shows() {
 
     let mut denser = scene.clone();
     denser.rules.distance_scale *= 1.01;
-    let changed = opacity_and_depth_differences(&expected, &CpuRenderer::new(&denser).trace(&rays));
+    let changed = opacity_and_depth_differences(&expected, &CpuRenderer::unlimited(&denser).trace(&rays));
     assert!(changed[0] > BOUNDS[0], "a planted difference of opacity goes unnoticed: {changed:?}");
     // Rays from further away meet the same samples at larger distances.
     let further: Vec<Ray> = rays.iter().map(|r| Ray { origin: r.at(-0.01), ..*r }).collect();
-    let changed = opacity_and_depth_differences(&expected, &CpuRenderer::new(&scene).trace(&further));
+    let changed = opacity_and_depth_differences(&expected, &CpuRenderer::unlimited(&scene).trace(&further));
     assert!(changed[1] > BOUNDS[1], "a planted difference of depth goes unnoticed: {changed:?}");
 }
 
@@ -207,7 +207,7 @@ fn the_reference_finds_the_neighbors_of_an_exhaustive_search() {
 #[test]
 fn trace_info_has_the_references_normals_and_the_same_pixels() {
     let scene = scenes::scene(&scenes::config());
-    let (renderer, field) = (CpuRenderer::new(&scene), ReferenceField::new(&scene));
+    let (renderer, field) = (CpuRenderer::unlimited(&scene), ReferenceField::new(&scene));
     let density = |position: DVec3| {
         let point = field.locate(position);
         if point.covered { field.density(field.density_feature(&point).feature) } else { 0.0 }
@@ -236,7 +236,7 @@ fn points_have_the_numbers_of_the_reference() {
     for name in ["occupancy", "contracted", "reductions-mean", "vm"] {
         let path = format!("{}/../../fixtures/v1/{name}.strivec", env!("CARGO_MANIFEST_DIR"));
         let scene = strivec_format::container::decode(&std::fs::read(path).unwrap()).unwrap();
-        let field = Field::<f64>::new(&scene);
+        let field = Field::<f64>::unlimited(&scene);
         let reference = ReferenceField::new(&scene);
         // Beyond the bounds too, and more points than are evaluated together.
         let (center, size) = (scene.bounds.center(), scene.bounds.size());

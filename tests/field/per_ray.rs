@@ -8,7 +8,7 @@ use strivec_field::render::{ReferenceRenderer, Trace};
 use strivec_format::geometry::{Aabb, Lattice, Ray, Similarity};
 use strivec_format::model::{
     Aggregation, AppearanceMatrix, Block, ColorSpace, Coverage, Decoder, DecoderMode, Factors, Frame, Linear,
-    Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis, sigmoid,
+    MemoryLimit, Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis, sigmoid,
 };
 
 /// Ratio of a feature's residual colors before the sigmoid to the feature.
@@ -83,6 +83,7 @@ fn scene(mode: DecoderMode, min_weight: f64) -> Scene {
         },
         occupancy: None,
         provenance: Provenance::default(),
+        memory: MemoryLimit::NONE,
     };
     scene.check().unwrap();
     scene

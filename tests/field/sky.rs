@@ -24,7 +24,7 @@ fn seen() -> Scene {
 }
 
 fn views() -> Vec<Photograph> {
-    let renderer = CpuRenderer::new(&seen());
+    let renderer = CpuRenderer::unlimited(&seen());
     let view = |n: u32| {
         let camera = scenes::camera(SIZE, f64::from(n));
         let pixels = Pixels::opaque(renderer.render(&camera).pixels.iter().map(|p| p.color));
@@ -68,21 +68,21 @@ fn a_sky_is_learned_and_all_rays_take_part() {
     assert!(plain.ray_count() < sky.ray_count());
     assert_eq!(sky.scene().rules.sky, with.sky(), "the color of the background at first");
     let rays = {
-        let field = Field::new(&sky.scene());
+        let field = Field::unlimited(&sky.scene());
         let mut sampler = RaySampler::new(&views, &seen().frame, &with).unwrap();
         sampler.filter_rays(&field);
         RayBatch::draw(&sampler, &field, &Random::new(1, "judged"), 0, 2000)
     };
-    let [before, _] = [&sky, &plain].map(|trainer| rays.psnr(&Field::new(&trainer.scene())));
+    let [before, _] = [&sky, &plain].map(|trainer| rays.psnr(&Field::unlimited(&trainer.scene())));
     run_to(&mut sky, with.schedule.steps);
     run_to(&mut plain, with.schedule.steps);
     assert_eq!(sky.ray_count() as u32, 8 * SIZE * SIZE, "and are not filtered out with the occupancy");
-    let [after, background] = [&sky, &plain].map(|trainer| rays.psnr(&Field::new(&trainer.scene())));
+    let [after, background] = [&sky, &plain].map(|trainer| rays.psnr(&Field::unlimited(&trainer.scene())));
     println!("{before:.2} dB gray, {after:.2} dB trained, {background:.2} dB on a background");
     assert!(after > before + 6.0 && after > background + 6.0, "{before}, {after}, {background}");
     // Where photographs show nothing else, the sky is that of the photographs.
     let (found, expected) = (sky.scene().rules.sky.unwrap(), scenes::sky(1));
-    let field = Field::<f32>::new(&sky.scene());
+    let field = Field::<f32>::unlimited(&sky.scene());
     let open: Vec<_> = rays.rays.iter().filter(|ray| field.first_sample(ray).is_none()).collect();
     assert!(open.len() > 100, "{}", open.len());
     for ray in open.into_iter().step_by(10) {

@@ -664,14 +664,14 @@ fn valid_vectors_open_and_their_probes_hold() {
         assert_eq!(probes.probes.len(), 64, "{name}");
         assert!(probe_density_error(&document.scene, &probes) < 1e-9, "{name}");
         let reference = check_probes(&ReferenceRenderer::new(&document.scene), &probes);
-        let fast = check_probes(&CpuRenderer::<f32>::new(&document.scene), &probes);
+        let fast = check_probes(&CpuRenderer::<f32>::unlimited(&document.scene), &probes);
         for report in [reference, fast] {
             assert!(report.failed == 0 && report.compared >= 40, "{name}: {report:?}");
         }
         // And they see another scene.
         let mut other = document.scene.clone();
         other.rules.density_shift += 0.2;
-        assert!(check_probes(&CpuRenderer::<f32>::new(&other), &probes).failed > 30, "{name}");
+        assert!(check_probes(&CpuRenderer::<f32>::unlimited(&other), &probes).failed > 30, "{name}");
     }
     assert!(probed > 20);
 }

@@ -338,3 +338,18 @@ fn extras_come_back() {
     assert_ne!(document.metadata, Metadata::default());
     assert_eq!(encode_scene_file(&scene, &metadata, &f32()).unwrap(), bytes);
 }
+
+#[test]
+fn what_readers_would_drop_is_not_written() {
+    let write = |metadata: Metadata| encode_scene_file(&smallest(), &metadata, &f32());
+    let notes = |count: u32, length: usize| Metadata {
+        notes: (0..count).map(|n| (format!("{n:06}"), "a".repeat(length))).collect(),
+        ..Metadata::default()
+    };
+    let file = decode_scene_file(&write(notes(100, 100)).unwrap(), Limits::default()).unwrap();
+    assert_eq!(file.metadata.notes.len(), 100);
+    for (count, length, what) in [(70_000, 0, "notes"), (20, 1 << 16, "bytes")] {
+        let error = write(notes(count, length)).unwrap_err();
+        assert!(error.to_string().starts_with(&format!("NOTES {what} must be within the format's limits")), "{error}");
+    }
+}

@@ -7,7 +7,7 @@ use strivec_format::container::{
 use strivec_format::geometry::{Aabb, Distortion, Lattice, Lens, Projection, Similarity};
 use strivec_format::model::{
     Aggregation, AppearanceMatrix, Block, ColorSpace, Coverage, Decoder, DecoderMode, Factors, Form, Frame, Linear,
-    Occupancy, Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis,
+    MemoryLimit, Occupancy, Placement, Provenance, Reduction, Rules, Scale, Scene, TensorCloud, UpAxis,
 };
 
 /// Numbers between −1 and 1 that half precision does not hold.
@@ -77,6 +77,7 @@ pub(crate) fn two_scales() -> Scene {
             layers: vec![linear(&mut numbers, 9, 4), linear(&mut numbers, 4, 3)],
         },
         occupancy: Some(occupancy),
+        memory: MemoryLimit::NONE,
         provenance: Provenance {
             dataset: "lego".into(),
             preset: "48 – künstlich".into(),

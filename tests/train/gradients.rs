@@ -23,7 +23,7 @@ fn rays_far_from_decisions(scene: &Scene, count: usize) -> Vec<Ray> {
     let mut on_background = scene.clone();
     on_background.rules.sky = None;
     let renderer = ReferenceRenderer::new(&on_background);
-    let field = Field::<f64>::new(scene);
+    let field = Field::<f64>::unlimited(scene);
     let random = Random::new(1, "gradient test rays");
     let mut rays: Vec<Ray> = (0..200 * count as u64)
         .map(|i| {
@@ -95,7 +95,7 @@ type Reach = Box<dyn Fn(&mut Field<f64>, usize) -> &mut f64>;
 
 fn groups(scene: &Scene, gradients: &Gradients<f64>) -> Vec<(String, Vec<f64>, Reach)> {
     let mut groups: Vec<(String, Vec<f64>, Reach)> = Vec::new();
-    let mut field = Field::<f64>::new(scene);
+    let mut field = Field::<f64>::unlimited(scene);
     for (s, scale) in scene.scales.iter().enumerate() {
         for (b, (block, values)) in field.scales[s].blocks().zip(&gradients.factors[s]).enumerate() {
             for (factor, rows) in block.form().factors(scale.cloud.resolution).into_iter().enumerate() {
@@ -281,7 +281,7 @@ fn every_gradient_matches_central_differences_in_f64_and_a_planted_sign_error_do
     for (case, scene) in cases().iter().enumerate() {
         let rays = rays_far_from_decisions(scene, 16);
         let mut targets = targets(rays.len());
-        let mut field = Field::<f64>::new(scene);
+        let mut field = Field::<f64>::unlimited(scene);
         assert!(kink_distance(&field, &rays) > 0.15, "{}", kink_distance(&field, &rays));
         let mut backward = Backward::new(&field);
         if case % 2 == 1 {
@@ -322,9 +322,9 @@ fn gradients_in_f32_match_those_in_f64() {
     for scene in cases() {
         let rays = rays_far_from_decisions(&scene, 64);
         let targets = targets(rays.len());
-        let exact_field = Field::<f64>::new(&scene);
+        let exact_field = Field::<f64>::unlimited(&scene);
         let exact = Backward::new(&exact_field).gradients(&exact_field, &rays, &targets, BatchRoulette::default());
-        let field = Field::<f32>::new(&scene);
+        let field = Field::<f32>::unlimited(&scene);
         let single = Backward::new(&field).gradients(&field, &rays, &targets, BatchRoulette::default());
         let single = Gradients {
             loss: single.loss.f64(),
@@ -351,7 +351,7 @@ fn gradients_in_f32_match_those_in_f64() {
 fn visibility_away_from_a_known_distance_is_part_of_the_loss() {
     let scene = &cases()[0];
     let rays = rays_far_from_decisions(scene, 16);
-    let field = Field::<f64>::new(scene);
+    let field = Field::<f64>::unlimited(scene);
     let reference = ReferenceRenderer::new(scene);
     let loss = |weight: f64, share: f64| {
         let mut targets = targets(rays.len());
@@ -376,7 +376,7 @@ fn visibility_away_from_a_known_distance_is_part_of_the_loss() {
 #[test]
 fn a_sky_can_learn_from_rays_without_samples_alone() {
     let scene = cases().into_iter().rfind(|scene| scene.rules.sky.is_some()).unwrap();
-    let field = Field::<f64>::new(&scene);
+    let field = Field::<f64>::unlimited(&scene);
     let inside = rays_far_from_decisions(&scene, 16);
     let outside: Vec<Ray> = inside.iter().map(|ray| Ray { origin: ray.origin + 100.0 * DVec3::Z, ..*ray }).collect();
     let rays = [inside, outside].concat();
@@ -403,7 +403,7 @@ fn thinned_density_gradients_are_right_on_average() {
     let scene = &cases()[0];
     let rays = rays_far_from_decisions(scene, 64);
     let targets = targets(rays.len());
-    let field = Field::<f64>::new(scene);
+    let field = Field::<f64>::unlimited(scene);
     let mut backward = Backward::new(&field);
     let exact = backward
         .gradients(&field, &rays, &targets, BatchRoulette::default())

@@ -71,7 +71,7 @@ fn pruned_tensors_were_in_no_picture() {
         let fine = |scene: &Scene| scene.scales[1..].iter().map(|s| s.cloud.len()).sum::<usize>();
         assert!(2 * fine(&pruned) < fine(&scene), "most of the fine tensors are elsewhere");
         assert_eq!(reference(&scene, &rays), reference(&pruned, &rays), "{coverage:?}");
-        let [fast, fast_pruned] = [&scene, &pruned].map(|s| CpuRenderer::new(s).trace(&rays));
+        let [fast, fast_pruned] = [&scene, &pruned].map(|s| CpuRenderer::unlimited(s).trace(&rays));
         for (a, b) in fast.iter().zip(&fast_pruned) {
             // Other lists of candidates are added up in another order.
             assert!((0..3).all(|c| (a.color[c] - b.color[c]).abs() < 1e-5), "{a:?} and {b:?}");
@@ -125,7 +125,7 @@ fn set_features(scale: &mut Scale, feature: impl Fn(DVec3) -> f64) {
 
 /// Photographs of `scene` with noise that reduces their PSNR to about 30 dB.
 fn views(scene: &Scene) -> Vec<Photograph> {
-    let renderer = CpuRenderer::new(scene);
+    let renderer = CpuRenderer::unlimited(scene);
     let noise = Random::new(1, "noise");
     (0..6_u32)
         .map(|i| {
@@ -142,7 +142,7 @@ fn views(scene: &Scene) -> Vec<Photograph> {
 fn prune_dead(scene: &mut Scene) -> strivec_train::DeadComponents {
     let views = views(scene);
     let mut sampler = RaySampler::new(&views, &scene.frame, &config()).unwrap();
-    sampler.filter_rays(&Field::<f32>::new(scene));
+    sampler.filter_rays(&Field::<f32>::unlimited(scene));
     prune_dead_components(scene, &sampler, 3).unwrap()
 }
 
@@ -269,7 +269,7 @@ fn a_scene_that_no_photograph_depends_on_is_an_error() {
     }
     scene.provenance.steps = 60;
     let mut sampler = RaySampler::new(&views, &scene.frame, &config()).unwrap();
-    sampler.filter_rays(&Field::<f32>::new(&scene));
+    sampler.filter_rays(&Field::<f32>::unlimited(&scene));
     let error = prune_dead_components(&mut scene, &sampler, 3).unwrap_err();
     assert!(matches!(error, TrainError::EmptyScene { steps: 60 }), "{error}");
     let text = error.to_string();

@@ -34,7 +34,7 @@ fn colorful() -> Scene {
 
 /// Photographs of `scene`.
 fn views(scene: &Scene) -> Vec<Photograph> {
-    let renderer = CpuRenderer::new(scene);
+    let renderer = CpuRenderer::unlimited(scene);
     let view = |i: u32| {
         let camera = scenes::camera(24, f64::from(i));
         let pixels = renderer.render(&camera).pixels;
@@ -113,7 +113,7 @@ fn shrunk(scene: &Scene, views: &[Photograph], goal: ShrinkGoal, tuning: &Tuning
 
 /// PSNR of `scene` on `views`, in dB.
 fn psnr(scene: &Scene, views: &[Photograph]) -> f64 {
-    let renderer = CpuRenderer::new(scene);
+    let renderer = CpuRenderer::unlimited(scene);
     let error = |view: &Photograph| {
         let photograph = view.pixels.colors(scene.frame.background);
         let pairs = renderer.render(&view.camera).pixels.into_iter().zip(photograph);
@@ -343,7 +343,7 @@ fn cells_hold_all_parameters_and_only_where_something_is_seen() {
         assert!(cell.parameters == 0.0 || cell.weight > 0.0, "{cell:?}");
         assert!(cell.deviation().is_none_or(|d| d < 1e-6), "all photographs show one color: {cell:?}");
     }
-    let opacities: f64 = CpuRenderer::new(&scene).trace(&batch.rays).iter().map(|p| f64::from(p.opacity)).sum();
+    let opacities: f64 = CpuRenderer::unlimited(&scene).trace(&batch.rays).iter().map(|p| f64::from(p.opacity)).sum();
     let seen = sum(&map, |c| c.weight);
     assert!((seen - opacities).abs() < 0.01 * opacities, "{seen} of {opacities}");
     let front = map.from_the_front(|c| c.weight);

@@ -19,7 +19,7 @@ fn views() -> Vec<Photograph> {
     let mut config = scenes::config();
     config.seed = 77;
     let scene = scenes::scene(&config);
-    let renderer = CpuRenderer::new(&scene);
+    let renderer = CpuRenderer::unlimited(&scene);
     (0..8)
         .map(|i| {
             let camera = scenes::camera(24, f64::from(i));
@@ -196,7 +196,7 @@ fn a_new_occupancy_decides_which_rays_are_drawn() {
         run_to(&mut trainer, 8);
         assert!(trainer.scene().occupancy.is_some());
         let mut meet = RaySampler::new(&views, &trainer.scene().frame, &config).unwrap();
-        meet.filter_rays(&Field::<f32>::new(&trainer.scene()));
+        meet.filter_rays(&Field::<f32>::unlimited(&trainer.scene()));
         [before, trainer.ray_count(), meet.active_ray_count()]
     });
     let [[before, kept, meet], [_, redrawn, meet_too]] = counts;
@@ -218,7 +218,7 @@ fn the_last_occupancy_is_within_the_one_before_and_leaves_the_pictures_as_they_a
     };
     let wide = scene_of(0.0, 0.5);
     let of_wide = wide.occupancy.as_ref().unwrap();
-    let picture = |scene: &Scene| CpuRenderer::new(scene).render(&scenes::camera(48, 1.0)).pixels;
+    let picture = |scene: &Scene| CpuRenderer::unlimited(scene).render(&scenes::camera(48, 1.0)).pixels;
     let before = picture(&wide);
     let [(kept, psnr), (fewer, lower)] = [(0.016, 0.5), (0.03, 100.0)].map(|(min_alpha, max_loss)| {
         let tight = scene_of(min_alpha, max_loss);
@@ -244,18 +244,41 @@ fn a_damaged_state_and_other_photographs_are_named() {
     let scene = trainer.scene();
     let state = trainer.checkpoint().to_bytes(&file(&scene));
     let (checkpoint, _) = Checkpoint::from_bytes(&state).unwrap();
-    for at in (8..state.len()).step_by(state.len() / 50) {
+    // Settings and counters are in the header: each of its bytes, and some of the rest.
+    let header = 8 + u64::from_le_bytes(*state.first_chunk().unwrap()) as usize;
+    assert!(header > 1000 && header < state.len() / 2);
+    for at in (0..header).chain((header..state.len()).step_by(state.len() / 50)) {
         let mut damaged = state.clone();
-        damaged[at] ^= 0x10;
-        let changed = Checkpoint::from_bytes(&damaged).is_ok_and(|(c, _)| c == checkpoint && at > state.len() / 2);
-        assert!(!changed, "a flipped bit at {at} goes unnoticed");
+        damaged[at] ^= 0x01;
+        assert!(Checkpoint::from_bytes(&damaged).is_err(), "a flipped bit at {at} goes unnoticed");
+    }
+    for at in (0..state.len()).step_by(state.len() / 50) {
         assert!(Checkpoint::from_bytes(&state[..at]).is_err(), "cut at {at}");
     }
+    assert!(Checkpoint::from_bytes(&[&state[..], b"0"].concat()).is_err(), "a byte more");
     let mut colors = views[0].pixels.colors([0.0; 3]);
     colors[0][0] += 0.5;
     views[0].pixels = Pixels::opaque(colors);
     let error = Trainer::resume(checkpoint, scene, &views).unwrap_err().to_string();
     assert!(error.contains("photographs"), "{error}");
+}
+
+#[test]
+fn a_checkpoint_of_another_version_is_named() {
+    let views = views();
+    let mut trainer = trainer(&views);
+    run_to(&mut trainer, 1);
+    let state = trainer.checkpoint().to_bytes(&file(&trainer.scene()));
+    let replaced = |from: &[u8], to: &[u8]| {
+        assert_eq!(from.len(), to.len());
+        let at = state.windows(from.len()).position(|window| window == from).unwrap();
+        let mut other = state.clone();
+        other[at..at + to.len()].copy_from_slice(to);
+        Checkpoint::from_bytes(&other).unwrap_err().to_string()
+    };
+    let rule = "the checkpoint's version must be 1; finish the run with the program that wrote it; found";
+    assert_eq!(replaced(b"\"version\":\"1\"", b"\"version\":\"2\""), format!("{rule} 2"));
+    assert_eq!(replaced(b"\"version\"", b"\"versio_\""), format!("{rule} an older one"));
 }
 
 /// Components with matrices, size and variation of factors in the loss: learned, and resumed to the same file.
@@ -318,7 +341,7 @@ fn photographs_of_uneven_exposure_give_the_scene_of_their_mean() {
         config.schedule.steps = 200;
         let mut trainer = Trainer::new(config.clone(), scenes::scene(&config), &uneven).unwrap();
         run_to(&mut trainer, config.schedule.steps);
-        let renderer = CpuRenderer::new(&trainer.scene());
+        let renderer = CpuRenderer::unlimited(&trainer.scene());
         let mut squared = 0.0;
         for view in &even {
             let colors = view.pixels.colors([0.0; 3]);

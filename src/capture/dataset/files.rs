@@ -1,6 +1,7 @@
 //! Files of a dataset: read within limits, and looked for by name.
 
 use std::fs::{self, File};
+use std::io;
 use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 
@@ -19,9 +20,15 @@ pub fn read(path: &Path) -> Result<Vec<u8>, Error> {
 }
 
 fn read_at_most(path: &Path, limit: u64) -> Result<Vec<u8>, Error> {
+    // Before it is opened: a pipe without a writer would block. A folder has an error of its own.
+    let metadata = fs::metadata(path).map_err(Error::read(path))?;
+    if !metadata.is_file() && !metadata.is_dir() {
+        let error = io::Error::new(io::ErrorKind::InvalidInput, "it is a device or a pipe, not a regular file");
+        return Err(Error::read(path)(error));
+    }
     let file = File::open(path).map_err(Error::read(path))?;
     let mut bytes = Vec::new();
-    // A device or a pipe has no length to check beforehand, so the read itself is bounded.
+    // The file may grow meanwhile.
     file.take(limit + 1).read_to_end(&mut bytes).map_err(Error::read(path))?;
     let found = bytes.len() as u64;
     if found > limit {

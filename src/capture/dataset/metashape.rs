@@ -19,6 +19,9 @@ use strivec_format::geometry::{Distortion, Lens, NotRigid, Projection, rigid};
 pub(super) const CAMERAS: &str = "cameras.xml";
 /// The most nodes of the file, each of some 50 bytes in memory.
 const MAX_NODES: u32 = 1 << 24;
+/// The most attributes of an element, which the parser compares with each other, and of declarations of namespaces, which it
+/// copies to each element below.
+const MAX_ATTRIBUTES: usize = 1 << 10;
 /// The types of sensors that are read.
 const TYPES: &str = "frame, fisheye or spherical";
 
@@ -26,6 +29,7 @@ const TYPES: &str = "frame, fisheye or spherical";
 pub(super) fn read(folder: &Path, downscale: u32) -> Result<Capture, Error> {
     let path = folder.join(CAMERAS);
     let text = files::read_listing(&path)?;
+    check_attributes(&path, &text)?;
     let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
     let document = Document::parse_with_options(&text, options)
         .map_err(|error| Error::text(&path, "the file", "Metashape's XML of cameras", error.to_string()))?;
@@ -33,7 +37,7 @@ pub(super) fn read(folder: &Path, downscale: u32) -> Result<Capture, Error> {
     let chunk = file.child(document.root_element(), "chunk")?;
     let mut sensors = BTreeMap::new();
     for sensor in file.child(chunk, "sensors")?.children().filter(|node| node.has_tag_name("sensor")) {
-        sensors.insert(file.attribute(sensor, "id")?, sensor);
+        sensors.insert(file.attribute(sensor, "id")?, Sensor { node: sensor, intrinsics: None });
     }
     // Groups of cameras are elements of their own.
     let cameras: Vec<Node<'_, '_>> =
@@ -44,14 +48,35 @@ pub(super) fn read(folder: &Path, downscale: u32) -> Result<Capture, Error> {
     for camera in cameras.into_iter().filter(|camera| camera.attribute("enabled") != Some("false")) {
         match camera.children().find(|node| node.has_tag_name("transform")) {
             Some(pose) if camera.attribute("component_id") == component => {
-                let sensor = sensors.get(file.attribute(camera, "sensor_id")?);
-                capture.shots.push(file.shot(camera, pose, sensor.copied(), (&images, reduced))?);
+                let sensor = sensors.get_mut(file.attribute(camera, "sensor_id")?);
+                capture.shots.push(file.shot(camera, pose, sensor, (&images, reduced))?);
             }
             _ => capture.lost += 1,
         }
     }
     capture.shots.sort_by(|a, b| a.picture.cmp(&b.picture));
     Ok(capture)
+}
+
+/// Checks that the parser takes time in proportion to `text`, the file `path`.
+fn check_attributes(path: &Path, text: &str) -> Result<(), Error> {
+    // An element's attributes stand between two "<", which no attribute may contain. Each has a "=".
+    let in_one = text.split('<').map(|part| part.bytes().filter(|byte| *byte == b'=').count()).max().unwrap_or(0);
+    let namespaces = text.matches("xmlns").count();
+    for (what, found) in [("attributes of an element", in_one), ("declarations of namespaces", namespaces)] {
+        if found > MAX_ATTRIBUTES {
+            let (limit, found) = (MAX_ATTRIBUTES as u64, found as u64);
+            return Err(Error::TooLarge { path: path.to_path_buf(), what, limit, found });
+        }
+    }
+    Ok(())
+}
+
+/// A sensor, and its intrinsics once a camera has needed them: to look for them again for each camera would take the
+/// product of cameras and elements.
+struct Sensor<'a, 'i> {
+    node: Node<'a, 'i>,
+    intrinsics: Option<Intrinsics>,
 }
 
 /// The `component_id` of the most aligned `cameras`, which may be none.
@@ -97,7 +122,7 @@ impl CamerasFile<'_> {
         &self,
         camera: Node<'_, '_>,
         pose: Node<'_, '_>,
-        sensor: Option<Node<'_, '_>>,
+        sensor: Option<&mut Sensor<'_, '_>>,
         (images, reduced): (&Path, u32),
     ) -> Result<Shot, Error> {
         let refuse = |what: &str, expected: &str, found: String| {
@@ -120,7 +145,10 @@ impl CamerasFile<'_> {
         let (rotation, position) =
             rigid(&rows).map_err(|NotRigid { expected, found }| refuse("transform", expected, found))?;
         let name = picture.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-        let intrinsics = self.intrinsics(sensor)?;
+        let intrinsics = match sensor.intrinsics {
+            Some(known) => known,
+            None => *sensor.intrinsics.insert(self.intrinsics(sensor.node)?),
+        };
         let world_from_camera = rotation * OPENGL_FROM_OPENCV;
         Ok(Shot { name, picture, reduced, mask: None, intrinsics, world_from_camera, position, split: None })
     }
@@ -170,5 +198,46 @@ impl CamerasFile<'_> {
         let intrinsics = Intrinsics { size: Some(size), focal: Focal::Pixels([f + value("b1")?, f]), principal, lens };
         intrinsics.check(self.path, &place)?;
         Ok(intrinsics)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cameras_of(xml: &str) -> Result<Capture, Error> {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join(CAMERAS), xml).unwrap();
+        read(folder.path(), 1)
+    }
+
+    #[test]
+    fn cameras_of_one_sensor_take_time_in_proportion_to_the_file() {
+        // Of a sensor with 400 000 other elements, 20 000 cameras: 8·10⁹ elements, if each camera looks at all.
+        let resolution = r#"<resolution width="16" height="16"/>"#;
+        let others = "<x/>".repeat(200_000);
+        let sensor = format!(
+            r#"<sensor id="0" type="frame">{others}{resolution}<calibration class="adjusted">{others}{resolution}<f>20</f></calibration></sensor>"#
+        );
+        let pose = "<transform>1 0 0 0 0 1 0 0 0 0 1 4 0 0 0 1</transform>";
+        let camera = |n: u32| format!(r#"<camera id="{n}" sensor_id="0" label="{n}.png">{pose}</camera>"#);
+        let cameras: String = (0..20_000).map(camera).collect();
+        let xml =
+            format!("<document><chunk><sensors>{sensor}</sensors><cameras>{cameras}</cameras></chunk></document>");
+        let shots = cameras_of(&xml).unwrap().shots;
+        assert_eq!(shots.len(), 20_000);
+        assert!(shots.iter().all(|shot| shot.intrinsics == shots[0].intrinsics));
+    }
+
+    #[test]
+    fn attributes_and_namespaces_are_limited() {
+        let many = |attribute: fn(usize) -> String| -> String { (0..200_000).map(attribute).collect() };
+        for (attributes, what) in [
+            (many(|n| format!(" a{n}='1'")), "1024 attributes of an element"),
+            (many(|n| format!("><b xmlns:a{n}='{n}'")), "1024 declarations of namespaces"),
+        ] {
+            let error = cameras_of(&format!("<document{attributes}/>")).unwrap_err().to_string();
+            assert!(error.contains(&format!("at most {what} are supported; found 200")), "{error}");
+        }
     }
 }

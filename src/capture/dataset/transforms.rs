@@ -9,11 +9,13 @@
 //! is, as poses contain it.
 
 use std::collections::BTreeSet;
+use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use serde::Deserialize;
+use serde::de::{Error as _, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 use super::capture::Capture;
 use super::depth::DepthMap;
@@ -28,11 +30,16 @@ const NGP_SCALE: f64 = 0.33;
 /// The place of the middle of Instant-NGP's scene.
 const NGP_CENTER: DVec3 = DVec3::splat(0.5);
 
+/// The most frames of a file, each of some kilobytes in memory until its photograph is known.
+const MAX_FRAMES: usize = 1 << 18;
+
 /// The JSON file, as far as it is read.
 #[derive(Deserialize)]
 struct Transforms {
-    #[serde(flatten)]
+    /// Read from the file by itself: serde would keep all keys that it does not know in memory.
+    #[serde(skip)]
     camera: CameraKeys,
+    #[serde(deserialize_with = "frames")]
     frames: Vec<FrameEntry>,
     mask_path: Option<String>,
     ply_file_path: Option<String>,
@@ -78,6 +85,30 @@ struct CameraKeys {
     k6: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
+}
+
+/// The list of frames, of at most [`MAX_FRAMES`].
+fn frames<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<FrameEntry>, D::Error> {
+    struct Frames;
+    impl<'de> Visitor<'de> for Frames {
+        type Value = Vec<FrameEntry>;
+
+        fn expecting(&self, text: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(text, "a list of at most {MAX_FRAMES} frames")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut entries: A) -> Result<Self::Value, A::Error> {
+            let mut frames = Vec::new();
+            while let Some(frame) = entries.next_element()? {
+                if frames.len() == MAX_FRAMES {
+                    return Err(A::Error::custom(format_args!("more than {MAX_FRAMES} frames")));
+                }
+                frames.push(frame);
+            }
+            Ok(frames)
+        }
+    }
+    deserializer.deserialize_seq(Frames)
 }
 
 /// The photographs of `json`. `split` is that of all of them, if the file's name contains one. Pictures that were made
@@ -128,8 +159,9 @@ impl Transforms {
     /// The file `json`, which has frames.
     fn read(json: &Path) -> Result<Self, Error> {
         let bytes = files::read(json)?;
-        let transforms: Self =
-            serde_json::from_slice(&bytes).map_err(|source| Error::Json { path: json.to_path_buf(), source })?;
+        let failed = |source| Error::Json { path: json.to_path_buf(), source };
+        let mut transforms: Self = serde_json::from_slice(&bytes).map_err(failed)?;
+        transforms.camera = serde_json::from_slice(&bytes).map_err(failed)?;
         if transforms.frames.is_empty() {
             return Err(Error::NoFrames { path: json.to_path_buf(), lost: 0 });
         }
@@ -309,4 +341,33 @@ pub(super) fn splits(folder: &Path) -> Result<Vec<String>, Error> {
     let mut splits: Vec<String> = names.filter_map(split).collect();
     splits.sort();
     Ok(splits)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<Transforms, Error> {
+        let folder = tempfile::tempdir().unwrap();
+        let json = folder.path().join("transforms.json");
+        fs::write(&json, text).unwrap();
+        Transforms::read(&json)
+    }
+
+    #[test]
+    fn keys_at_the_top_are_read_beside_unknown_ones() {
+        let frame = r#"{"file_path": "a", "transform_matrix": [], "k1": 0.5, "more": [1]}"#;
+        let transforms = read(&format!(r#"{{"w": 8, "other": [[], {{}}], "frames": [{frame}], "fl_x": 2}}"#)).unwrap();
+        assert_eq!((transforms.camera.w, transforms.camera.fl_x), (Some(8.0), Some(2.0)));
+        assert_eq!((transforms.frames.len(), transforms.frames[0].camera.k1), (1, Some(0.5)));
+        assert!(matches!(read(r#"{"frames": [], "w": "8"}"#), Err(Error::Json { .. })));
+    }
+
+    #[test]
+    fn frames_are_limited_before_they_take_memory() {
+        let frame = r#"{"file_path":"a","transform_matrix":[]}"#;
+        let text = format!(r#"{{"frames":[{}{frame}]}}"#, format!("{frame},").repeat(MAX_FRAMES));
+        let error = read(&text).err().unwrap().to_string();
+        assert!(error.contains("more than 262144 frames"), "{error}");
+    }
 }

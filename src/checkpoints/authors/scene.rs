@@ -8,8 +8,10 @@ use crate::family;
 use crate::family::{MAX_CELLS, MAX_RANK, SceneOptions};
 use crate::state::{CheckpointArray, CheckpointState};
 use crate::torch::TorchFile;
+use strivec_format::container::Limits;
 use strivec_format::model::{
-    Aggregation, AppearanceMatrix, Block, Factors, Form, Placement, Provenance, Rules, Scale, Scene, TensorCloud,
+    Aggregation, AppearanceMatrix, Block, Factors, Form, MemoryLimit, Placement, Provenance, Rules, Scale, Scene,
+    TensorCloud,
 };
 use strivec_import::{Fault, Input};
 
@@ -97,6 +99,7 @@ pub fn read(input: &mut Input<'_>, config: &Config, places: &Places, options: &S
             seed: 0,
             tool: "the Strivec authors' program".into(),
         },
+        memory: MemoryLimit(Limits::default().memory),
     };
     scene.check()?;
     Ok(scene)

@@ -39,7 +39,9 @@ impl Pickle {
     /// The value of `key`, if `dict` is a dictionary with this key; the last one, as in Python.
     pub(crate) fn get(&self, dict: Id, key: &str) -> Option<Id> {
         let Value::Dict(pairs) = self.value(dict) else { return None };
-        pairs.iter().rev().find(|&&(k, _)| self.text(k) == Some(key)).map(|&(_, value)| value)
+        // Compared as bytes, by their length first: a pickle may have a million keys that share one long text.
+        let is_key = |id| matches!(self.value(id), Value::Text(range) if self.bytes[range.clone()] == *key.as_bytes());
+        pairs.iter().rev().find(|&&(k, _)| is_key(k)).map(|&(_, value)| value)
     }
 
     /// The first keys of a dictionary, for errors.

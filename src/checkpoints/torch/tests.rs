@@ -188,6 +188,19 @@ fn pickles_without_end_are_limited() {
 }
 
 #[test]
+fn work_grows_with_the_pickle_alone() {
+    // A list of a million items whose state is set a million times: 2⁴⁰ items, if each time copied them.
+    let list = [b"Nq\0]q\x01(".as_slice(), &b"h\0".repeat(1 << 20), b"e"].concat();
+    let built = [list, b"h\0b".repeat(1 << 20), b".".to_vec()].concat();
+    assert!(Pickle::parse(built, "x").is_ok());
+    // A million keys that share a text of 16 MiB, each of which is compared.
+    let text = [b"X\0\0\0\x01".as_slice(), &vec![b'a'; 1 << 24], b"q\0"].concat();
+    let keys = [text, b"}(".to_vec(), b"h\0h\0".repeat(1 << 20), b"u.".to_vec()].concat();
+    let pickle = Pickle::parse(keys, "x").unwrap();
+    assert_eq!(pickle.get(pickle.root, "model_kwargs"), None);
+}
+
+#[test]
 fn tensors_lie_inside_their_storages() {
     let tensor = |offset: u8, shape: [u8; 2], strides: [u8; 2]| {
         let mut pickle =

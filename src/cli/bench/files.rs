@@ -105,8 +105,7 @@ impl FileRows {
             let (seconds, _) =
                 rows.runs.time(|| container::decode(&whole).map(black_box).map(drop).map_err(refused))?;
             rows.add("decode the file itself".into(), seconds, bytes, raw);
-            let (seconds, _) =
-                rows.runs.time(|| first_pixel(&read(file)?).map(black_box).map(drop).map_err(refused))?;
+            let (seconds, _) = rows.runs.time(|| first_pixel(file, &read(file)?).map(black_box).map(drop))?;
             rows.add("open the file, to the first pixel".into(), seconds, bytes, raw);
         }
         let (seconds, made) = rows.runs.time(|| Ok::<_, Error>(upsampled(scene)))?;
@@ -120,10 +119,10 @@ impl FileRows {
 }
 
 /// The middle pixel of a picture of the whole scene.
-fn first_pixel(file: &[u8]) -> Result<Pixel, container::Error> {
-    let mut scene = container::decode(file)?;
+fn first_pixel(path: &Path, file: &[u8]) -> Result<Pixel, Error> {
+    let mut scene = container::decode(file).map_err(|e| Error::container(path, e))?;
     let ray = Viewpoints::first_of_orbit(&scene, [1, 1]).ray(0, 0);
-    Ok(CpuRenderer::from_field(Field::<f32>::from_scene(&mut scene)).trace(ray.as_slice())[0])
+    Ok(CpuRenderer::from_field(Field::<f32>::from_scene(&mut scene)?).trace(ray.as_slice())[0])
 }
 
 /// Bytes of the factors that upsampling makes.

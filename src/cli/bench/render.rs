@@ -52,7 +52,9 @@ impl Args {
 /// `file`'s scene or the ball, and its name.
 pub(super) fn subject(file: Option<&PathBuf>, console: &Console) -> Result<(Scene, String), Error> {
     if let Some(file) = file {
-        return Ok((scene_file::read(file, console)?.0.scene, file.display().to_string()));
+        let scene = scene_file::read(file, console)?.0.scene;
+        scene_file::check_memory(file, &scene)?;
+        return Ok((scene, file.display().to_string()));
     }
     let config = TrainConfig::preset(BALL_PRESET).map_err(|e| Error::Runtime(e.to_string()))?;
     Ok((ball(&config, config.schedule.upsample_at.len())?, format!("a ball, preset {BALL_PRESET}")))

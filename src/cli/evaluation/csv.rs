@@ -23,15 +23,36 @@ pub(super) fn csv(reports: &[(&Path, &Report)]) -> String {
     text
 }
 
-/// `text` as a field, in quotes if it needs them.
-fn quoted(text: &str) -> String {
-    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+/// Characters with which a field begins that spreadsheets take for a formula.
+const FORMULA: [char; 6] = ['=', '+', '-', '@', '\t', '\r'];
+
+/// `text` as a field, in quotes if it needs them. An apostrophe before a formula makes it text.
+pub(crate) fn quoted(text: &str) -> String {
+    let apostrophe = if text.starts_with(FORMULA) { "'" } else { "" };
+    let field = format!("{apostrophe}{text}");
+    if field.contains([',', '"']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use strivec_measure::ViewReport;
+
+    #[test]
+    fn formulas_become_texts() {
+        for (text, field) in [
+            ("=1+2", "'=1+2"),
+            ("+1", "'+1"),
+            ("-1.png", "'-1.png"),
+            ("@a", "'@a"),
+            ("\ta", "'\ta"),
+            ("\ra", "'\ra"),
+            ("=a(\"b\",c)", "\"'=a(\"\"b\"\",c)\""),
+            ("a=-1", "a=-1"),
+        ] {
+            assert_eq!(quoted(text), field, "{text:?}");
+        }
+    }
 
     #[test]
     fn each_view_has_a_row_and_names_are_quoted() {

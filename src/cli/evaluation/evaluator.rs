@@ -103,7 +103,8 @@ impl Evaluator<'_> {
         let frame = scene.frame.clone();
         let whole = self.parity.then(|| scene.clone());
         let start = Instant::now();
-        let mut renderer = self.backend.prepare(scene, &settings.approximation, console)?;
+        let mut renderer =
+            self.backend.prepare(scene, &settings.approximation, console).map_err(Error::of_scene(&path))?;
         let seconds_preparing = start.elapsed().as_secs_f64();
         let progress = Progress::start(console, "eval", views.len() as u64);
         let mut reports: Vec<ViewReport> = Vec::new();

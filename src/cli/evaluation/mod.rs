@@ -10,6 +10,7 @@ mod page;
 mod photographs;
 mod view_pictures;
 
+pub(super) use csv::quoted;
 pub(super) use evaluator::{Evaluated, Evaluator, SceneToEvaluate, Shown};
 pub(super) use measure_options::MeasureOptions;
 pub(super) use metric::Metric;

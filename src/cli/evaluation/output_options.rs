@@ -7,6 +7,7 @@ use super::page::Page;
 use super::view_pictures::{PictureFormat, ViewPictures};
 use crate::{Context, Error, check_output, write_atomically};
 use strivec_measure::Report;
+use strivec_recipe::Reservation;
 
 /// The files of results.
 #[derive(Clone, Debug, clap::Args)]
@@ -28,12 +29,12 @@ pub(crate) struct OutputOptions {
 }
 
 impl OutputOptions {
-    /// Checks, before any work is done, that the files can be written.
-    pub(crate) fn check(&self, session: &Context) -> Result<(), Error> {
+    /// Checks, before any work is done, that the files can be written, and reserves them.
+    pub(crate) fn check(&self, session: &Context) -> Result<Vec<Reservation>, Error> {
         if self.csv.is_some() && self.csv == self.report {
             return Err(Error::Usage("--csv and --report name the same file; name two".into()));
         }
-        self.csv.iter().chain(&self.report).try_for_each(|path| check_output(path, session.force))
+        self.csv.iter().chain(&self.report).map(|path| check_output(path, session.force)).collect()
     }
 
     /// Collects the pictures of the report for `views` views.

@@ -96,6 +96,7 @@ impl Row {
         Ok(match container::decode_scene_file(&bytes, limits.of_file(bytes.len())) {
             Err(error) => Self { class: Some(refused(error)?), skipped: Vec::new(), numbers: None, file: path },
             Ok(SceneFile { scene, metadata, .. }) => {
+                ReferenceField::check_memory(&scene).map_err(Error::memory(&path))?;
                 let of_section =
                     |s: &container::SkippedSection| [s.name.clone(), s.error.class().unwrap_or_default().to_owned()];
                 let probes = metadata.probes.as_ref().map_or(&[][..], |probes| &probes.probes);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::input::{self, LimitArgs};
-use crate::{Context, Error};
+use crate::{Context, Error, scene_file};
 use strivec_format::container;
 use strivec_format::model::{Scale, Scene};
 use strivec_format::psnr::psnr_of_mse;
@@ -63,6 +63,8 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let psnr = if same_bytes || args.no_pictures {
         None
     } else {
+        scene_file::check_memory(&args.before, &before.scene)?;
+        scene_file::check_memory(&args.after, &after.scene)?;
         let error = ReferencePictures::from_own_pictures(
             &before.scene,
             probe_views(&before.scene, before.metadata.views.as_ref(), &before.metadata.cameras, 6, JUDGED.1),

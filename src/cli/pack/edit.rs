@@ -10,7 +10,7 @@ use super::input::Inputs;
 use super::rewriting::{Edit, rewritten};
 use crate::numbers::{boxed, numbers};
 use crate::table::short;
-use crate::{Context, Error};
+use crate::{Context, Error, scene_file};
 use strivec_format::container;
 use strivec_format::container::SceneFile;
 use strivec_format::geometry::{Aabb, Similarity};
@@ -85,8 +85,9 @@ pub(super) struct PruneArgs {
 
 /// Drops components that pictures do not show.
 pub(super) fn prune(args: &PruneArgs, session: &Context) -> Result<(), Error> {
-    args.target.rewrite(session, |mut document, _| {
+    args.target.rewrite(session, |mut document, path| {
         let SceneFile { scene, metadata, .. } = &document;
+        scene_file::check_memory(path, scene)?;
         let views = probe_views(scene, metadata.views.as_ref(), &metadata.cameras, PROBED.0, JUDGED.1);
         let importance = views.importance(&document.scene, PROBED.1, args.seed);
         let share = pack::prune(&mut document.scene, &importance, args.error);

@@ -4,10 +4,11 @@ use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 use crate::console::Console;
-use crate::output::check_scene_name;
-use crate::{Context, Error, check_output, scene_file, write_atomically};
+use crate::output::{check_scene_name, write_or_keep};
+use crate::{Context, Error, check_output, scene_file};
 use strivec_format::container;
 use strivec_format::container::{Limits, SceneFile};
+use strivec_recipe::Reservation;
 
 /// The name of standard input and output.
 pub(super) const STANDARD: &str = "-";
@@ -87,6 +88,8 @@ pub(super) struct Outputs {
     is_folder: bool,
     force: bool,
     dry_run: bool,
+    /// The reservation of the first output, for all of them: a system limits the number of open files.
+    reserved: Option<Reservation>,
 }
 
 impl Outputs {
@@ -114,7 +117,7 @@ impl Outputs {
         if !is_folder && !is_standard {
             check_scene_name(output)?;
         }
-        let outputs = Self { output: output.into(), is_folder, force: session.force, dry_run };
+        let mut outputs = Self { output: output.into(), is_folder, force: session.force, dry_run, reserved: None };
         if !dry_run {
             let mut seen = std::collections::HashSet::new();
             for input in inputs {
@@ -123,7 +126,8 @@ impl Outputs {
                     return Err(Error::Usage(format!("{}: two inputs would be written here", path.display())));
                 }
                 if path != Path::new(STANDARD) {
-                    check_output(&path, outputs.force)?;
+                    let first = check_output(&path, outputs.force)?;
+                    outputs.reserved.get_or_insert(first);
                 }
             }
         }
@@ -156,7 +160,7 @@ impl Outputs {
                 other => other.map_err(|e| Error::Io(format!("cannot write to standard output: {e}")))?,
             }
         } else {
-            write_atomically(&path, bytes, self.force)?;
+            write_or_keep(&path, bytes, self.force)?;
         }
         Ok(path)
     }

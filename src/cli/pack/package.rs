@@ -226,7 +226,7 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
             // Corrections are fitted anew.
             options.network_steps.prefixes.clear();
         }
-        let packing = measured(document, args, photographs.as_ref(), &options)?;
+        let packing = measured(document, args, photographs.as_ref(), &options).map_err(Error::of_scene(path))?;
         let mut state = None;
         let (bytes, quality) = match (lossless, &interrupted) {
             (Some(options), _) => {
@@ -285,7 +285,7 @@ fn measured<'a>(
         // A dataset may lack the training split.
         cameras = known;
     }
-    Ok(Packing::new(scene, metadata, cameras, photographs, options))
+    Ok(Packing::new(scene, metadata, cameras, photographs, options)?)
 }
 
 /// The file without training, and what was measured of it.

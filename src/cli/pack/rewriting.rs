@@ -8,7 +8,7 @@ use crate::{Context, Error};
 use strivec_field::render::TRADE_NOTE;
 use strivec_format::container;
 use strivec_format::container::{Codec, EncodeOptions, Limits, Metadata, Original, SceneFile};
-use strivec_format::model::Scene;
+use strivec_format::model::{MemoryLimit, ReferenceField, Scene};
 use strivec_train::pack;
 
 /// How edited files are written.
@@ -42,7 +42,7 @@ pub(super) fn rewritten(
     };
     let seen = decoded.as_ref().unwrap_or(&scene);
     if *seen != before.scene {
-        forget_measurements(&mut metadata, seen, path, edit.session);
+        forget_measurements(&mut metadata, seen, before.scene.memory, path, edit.session)?;
     }
     let written = if edit.layout.layout().recompresses() {
         container::encode_scene_file(&scene, &metadata, &options)
@@ -60,11 +60,19 @@ fn decoded(scene: &Scene, options: &EncodeOptions) -> Result<Scene, container::E
     Ok(container::decode_scene_file(&bytes, Limits { memory: u64::MAX })?.scene)
 }
 
-/// Drops what was measured of the scene before it became `scene`, and the probes that are no longer true.
-fn forget_measurements(metadata: &mut Metadata, scene: &Scene, path: &Path, session: &Context) {
+/// Drops what was measured of the scene before it became `scene`, and the probes that are no longer true. To check them may
+/// take `memory`.
+fn forget_measurements(
+    metadata: &mut Metadata,
+    scene: &Scene,
+    memory: MemoryLimit,
+    path: &Path,
+    session: &Context,
+) -> Result<(), Error> {
     metadata.quality = None;
     metadata.notes.remove(TRADE_NOTE);
-    let Some(mut probes) = metadata.probes.take() else { return };
+    let Some(mut probes) = metadata.probes.take() else { return Ok(()) };
+    memory.unless_over("the reference field", ReferenceField::memory(scene)).map_err(Error::memory(path))?;
     let all = probes.probes.len();
     probes.probes = pack::true_probes(scene, &probes);
     let kept = probes.probes.len();
@@ -74,4 +82,5 @@ fn forget_measurements(metadata: &mut Metadata, scene: &Scene, path: &Path, sess
         session.console.say(&format!("{}: {message}", path.display()));
     }
     metadata.probes = (kept > 0).then_some(probes);
+    Ok(())
 }

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::input::{Inputs, LimitArgs};
 use crate::{Context, Error, scene_file};
+use strivec_field::Field;
 use strivec_format::container;
 use strivec_format::container::SceneFile;
 use strivec_format::escape::{escaped, escaped_path};
@@ -127,7 +128,7 @@ fn verify(path: &Path, args: &Args, limits: LimitArgs) -> (Row, Option<Error>) {
                 Err(error) => {
                     let message = format!("{}: probes: {error} with --memory", path.display());
                     row.error = Some(message.clone());
-                    return (row, Some(Error::Malformed(message)));
+                    return (row, Some(Error::Memory(message)));
                 }
             };
         for (name, report) in [("reference", reference), ("cpu", cpu)] {
@@ -190,6 +191,9 @@ fn warnings(document: &SceneFile) -> Vec<String> {
     }
     if document.scene.occupancy.is_none() {
         warnings.push("no occupancy: rendering will be slow".into());
+    }
+    if let Err(error) = Field::<f32>::check_memory(&document.scene) {
+        warnings.push(format!("pictures are refused: {error} with --memory"));
     }
     warnings.extend(metadata.skipped.iter().filter(|skipped| skipped.is_valid()).map(ToString::to_string));
     warnings.extend(metadata.unknown.iter().map(|u| format!("section {} is unknown to this reader", u.section)));

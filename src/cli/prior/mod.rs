@@ -95,7 +95,7 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
         return show::run(args, session);
     }
     let Some(output) = &args.output else { return Err(Error::Usage("give --output".into())) };
-    check_output(output, session.force)?;
+    let _reserved = check_output(output, session.force)?;
     let mut observer = ConsoleObserver::unstoppable(&session.console);
     let built = recipe::build_prior(&args.inputs, &args.shaping.options()?, &mut observer)?;
     let sight = match &args.data {

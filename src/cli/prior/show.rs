@@ -73,7 +73,7 @@ struct ShowReport<'a> {
 
 /// Writes the sheet.
 pub(crate) fn run(args: &Args, session: &Context) -> Result<(), Error> {
-    check_output(&args.out, session.force)?;
+    let _reserved = check_output(&args.out, session.force)?;
     let Built { boxes, colors, .. } = recipe::build_prior(
         &args.inputs,
         &args.shaping.options()?,

@@ -32,7 +32,7 @@ pub(super) struct CellKind {
 impl Cells {
     pub(super) fn new(scenes: [&Scene; 2], views: &[Photograph], config: &TrainConfig) -> Result<Self, TrainError> {
         let [before, _] = scenes;
-        let field = Field::<f32>::new(before);
+        let field = Field::<f32>::unlimited(before);
         let mut sampler = RaySampler::new(views, &before.frame, config)?;
         sampler.filter_rays(&field);
         let count = sampler.active_ray_count().min(CELL_RAYS);

@@ -11,10 +11,10 @@ use cells::Cells;
 use report::{Report, ScaleUse};
 
 use super::numbers::{POSITIVE, in_range};
-use super::output::check_scene_name;
+use super::output::{check_outputs, check_scene_name, write_or_keep};
 use super::settings::{Basics, Precision, presets};
 use super::state_file::{StateFile, run_steps};
-use super::{Context, Error, check_output, quantity, scene_file, write_atomically};
+use super::{Context, Error, quantity, scene_file, write_atomically};
 use strivec_capture::dataset;
 use strivec_format::container;
 use strivec_format::container::{EncodeOptions, Metadata};
@@ -97,10 +97,7 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
         return Err(Error::Usage("give --max-params or --max-loss".into()));
     }
     check_scene_name(&args.output)?;
-    check_output(&args.output, session.force)?;
-    if let Some(path) = &args.picture {
-        check_output(path, session.force)?;
-    }
+    let _reserved = check_outputs(std::iter::once(&args.output).chain(&args.picture), session.force)?;
     let state = StateFile::new(args.checkpoint.as_deref(), &args.output, args.resume, session)?;
     let (document, _) = scene_file::read(&args.file, &session.console)?;
     let interrupted = session.interrupts()?;
@@ -163,7 +160,7 @@ impl Args {
         let options = EncodeOptions::uniform(self.encoding.factors());
         let bytes =
             container::encode_scene_file(scene, &metadata, &options).map_err(|e| Error::container(&self.output, e))?;
-        write_atomically(&self.output, &bytes, session.force)?;
+        write_or_keep(&self.output, &bytes, session.force)?;
         if let Some(path) = &self.picture {
             let (size, colors) = picture::draw(&cells.named()).map_err(Error::Runtime)?;
             write_atomically(path, &color_png(size, &colors)?, session.force)?;

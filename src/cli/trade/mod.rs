@@ -24,7 +24,7 @@ use super::backend::Backend;
 use super::dataset::DatasetOptions;
 use super::output::make_folder;
 use super::table::plural;
-use super::{Context, Error, scene_file, write_atomically};
+use super::{Context, Error, check_output, scene_file, write_atomically};
 use strivec_field::render::{ParetoFront, RenderSettings, TRADE_NOTE};
 use strivec_format::container;
 use strivec_format::container::{Metadata, SceneFile};
@@ -93,7 +93,9 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let file = &args.file;
     let console = &session.console;
+    let _reserved = args.store.then(|| check_output(file, true)).transpose()?;
     let (SceneFile { scene, metadata, .. }, bytes) = scene_file::read(file, console)?;
+    scene_file::check_memory(file, &scene)?;
     let views = match &args.data {
         Some(folder) => {
             let options = args.dataset.load_options(args.downscale);

@@ -10,10 +10,12 @@ use super::pareto::front;
 use super::plot::{self, Plot};
 use super::sweep::SweepScene;
 use super::views::SweepCameras;
+use crate::evaluation::quoted;
 use crate::render::colors;
 use crate::table::Table;
 use crate::{Context, Error, write_atomically};
 use strivec_field::render::{ParetoFront, ParetoPoint, upsample_bilinear};
+use strivec_format::escape::escaped;
 use strivec_measure::{ERROR_FULL, Sheet, color_png, error_map, side_by_side, stacked};
 
 /// How to read the times of the table.
@@ -155,9 +157,9 @@ impl Report {
             let ssim = m.ssim.map_or_else(String::new, |v| v.to_string());
             let [first, third] = m.milliseconds.quartiles;
             text += &format!(
-                "{},\"{}\",{},{first},{third},{},{},{ssim},{},{},{},{}\n",
+                "{},{},{},{first},{third},{},{},{ssim},{},{},{},{}\n",
                 row.knob,
-                row.name,
+                quoted(&escaped(&row.name)),
                 m.milliseconds.median,
                 m.ratio,
                 m.psnr,

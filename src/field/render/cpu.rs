@@ -3,11 +3,10 @@
 use rayon::prelude::*;
 
 use super::approximation::OwnThresholds;
-use super::{Approximation, Picture, Pixel, Renderer};
+use super::{Approximation, Picture, Pixel, Renderer, RendererError};
 use crate::{Activations, Field, Pool, Real, Samples, Stage, Work, add_compensated, vectorized};
-use strivec_format::Invalid;
 use strivec_format::geometry::{Camera, Ray};
-use strivec_format::model::{DecoderMode, Scene, softplus};
+use strivec_format::model::{DecoderMode, OverMemory, Scene, softplus};
 
 /// Pixels along the edge of a tile. Its rays are marched together because they meet mostly the same tensors. Tiles of
 /// 8, 12, 20, 24 and 32 pixels are not faster (docs/experiments/2026-11-26-frame-in-tiles.md).
@@ -22,6 +21,10 @@ const TILES_PER_TASK: usize = 4;
 /// cache.
 const MAX_ROWS: usize = 768;
 
+/// The bytes of samples at which rays that march together are marched in smaller groups: a tile of most scenes takes some
+/// megabytes, but one of an untrusted scene, or of fog, could take the memory that there is.
+const MAX_SAMPLE_BYTES: usize = 128 << 20;
+
 /// Renders a scene on all threads of the current [`rayon`] pool. Generic over the precision, so that tests can run the
 /// same code in f64.
 ///
@@ -33,15 +36,17 @@ const MAX_ROWS: usize = 768;
 /// let scene = decode(include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/v1/smallest.strivec")))?;
 /// let (center, size) = (scene.bounds.center(), scene.bounds.size());
 /// let camera = Camera::looking_at([8, 8], 8.0, center + 2.0 * size, center, glam::DVec3::Z);
-/// let picture = CpuRenderer::new(&scene).render(&camera);
+/// let picture = CpuRenderer::new(&scene)?.render(&camera);
 /// assert_eq!(picture.pixels.len(), 64);
 /// assert!(picture.pixels.iter().all(|pixel| (0.0..=1.0).contains(&pixel.opacity)));
-/// # Ok::<(), strivec_format::container::Error>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug)]
 pub struct CpuRenderer<T = f32> {
     field: Field<T>,
     own: OwnThresholds,
+    /// Bytes of the samples of rays that march together; [`MAX_SAMPLE_BYTES`] but for tests.
+    sample_bytes: usize,
 }
 
 /// A traced ray: its pixel, its cost and its normal.
@@ -70,9 +75,18 @@ struct Tile<'a> {
 }
 
 impl CpuRenderer<f32> {
-    /// Prepares `scene`, which must have passed [`Scene::check`].
-    pub fn new(scene: &Scene) -> Self {
-        Self::from_field(Field::new(scene))
+    /// Prepares `scene`, which must have passed [`Scene::check`], within the memory that it allows.
+    ///
+    /// # Errors
+    ///
+    /// [`OverMemory`].
+    pub fn new(scene: &Scene) -> Result<Self, OverMemory> {
+        Field::new(scene).map(Self::from_field)
+    }
+
+    /// Prepares `scene` like [`Field::unlimited`].
+    pub fn unlimited(scene: &Scene) -> Self {
+        Self::from_field(Field::unlimited(scene))
     }
 }
 
@@ -82,24 +96,19 @@ impl<T: Real> CpuRenderer<T> {
     ///
     /// # Errors
     ///
-    /// If an option is out of range for this scene.
-    pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, Invalid> {
+    /// If an option is out of range for this scene, or the scene takes more memory than it may.
+    pub fn with_approximation(mut scene: Scene, approximation: &Approximation) -> Result<Self, RendererError> {
         approximation.check(&scene)?;
         // Raised thresholds need the scene's own, by which they give the weight of skipped samples to shaded ones.
         let own = approximation.reduce(&mut scene);
         // Each scale's factors leave the scene as they are converted: 147 instead of 266 MB for a scene of 74 MB.
-        Ok(Self { field: Field::from_scene(&mut scene), own })
-    }
-
-    /// The most bytes of memory that tracing a ray takes.
-    pub fn memory_of_ray(&self) -> u64 {
-        self.field.memory_of_ray()
+        Ok(Self { own, ..Self::from_field(Field::from_scene(&mut scene)?) })
     }
 
     /// A renderer of `field`.
     pub fn from_field(field: Field<T>) -> Self {
         let own = OwnThresholds::of(&field.rules);
-        Self { field, own }
+        Self { field, own, sample_bytes: MAX_SAMPLE_BYTES }
     }
 
     /// Begins rays at the distance `near`, in model units, from now on.
@@ -123,12 +132,13 @@ impl<T: Real> CpuRenderer<T> {
             rays,
             #[inline(always)]
             |chunk, (scratch, points): &mut (TileScratch<T>, Samples<T>)| {
-                let mut infos = Vec::with_capacity(chunk.len());
-                self.trace_chunk(chunk, scratch, |pixel| infos.push(TraceInfo { pixel, ..TraceInfo::default() }));
-                for (index, (info, ray)) in infos.iter_mut().zip(chunk).enumerate() {
-                    info.samples = scratch.samples.ray_range(index).len() as u32;
-                    let is_solid = scratch.samples.remaining[index] <= T::of(0.5);
-                    if has_normals && is_solid && info.pixel.depth > 0.0 {
+                let (mut infos, mut left) = (Vec::with_capacity(chunk.len()), Vec::with_capacity(chunk.len()));
+                self.trace_chunk(chunk, scratch, |pixel, ray, samples| {
+                    infos.push(TraceInfo { pixel, samples: samples.ray_range(ray).len() as u32, normal: None });
+                    left.push(samples.remaining[ray]);
+                });
+                for ((info, left), ray) in infos.iter_mut().zip(left).zip(chunk) {
+                    if has_normals && left <= T::of(0.5) && info.pixel.depth > 0.0 {
                         info.normal = self.normal_at(ray.at(f64::from(info.pixel.depth)), points);
                     }
                 }
@@ -144,7 +154,7 @@ impl<T: Real> CpuRenderer<T> {
             #[inline(always)]
             |chunk, scratch| {
                 let mut pixels = Vec::with_capacity(chunk.len());
-                self.trace_chunk(chunk, scratch, |pixel| pixels.push(pixel));
+                self.trace_chunk(chunk, scratch, |pixel, _, _| pixels.push(pixel));
                 pixels
             },
         )
@@ -167,26 +177,43 @@ impl<T: Real> CpuRenderer<T> {
         Some(glam::DVec3::from(fall).try_normalize()?.as_vec3())
     }
 
-    /// Calls `take` with the pixel of each of `rays`, in their order. Returns time and counts by stage.
+    /// Calls `take` with the pixel of each of `rays`, in their order, the ray's index in the samples, and those. Returns time
+    /// and counts by stage.
     #[inline(always)]
-    fn trace_chunk(&self, rays: &[Ray], scratch: &mut TileScratch<T>, mut take: impl FnMut(Pixel)) -> Work {
+    fn trace_chunk(
+        &self,
+        rays: &[Ray],
+        scratch: &mut TileScratch<T>,
+        mut take: impl FnMut(Pixel, usize, &Samples<T>),
+    ) -> Work {
         let TileScratch { samples, activations } = scratch;
-        self.field.march(rays, samples);
         // In parts, so that the rows of a part are still in the cache from layer to layer.
         let max_shaded = match self.field.decoder.mode {
             DecoderMode::PerSample => MAX_ROWS,
             // One row per ray.
             DecoderMode::PerRay | DecoderMode::Residual => usize::MAX,
         };
-        let mut first = 0;
-        while first < rays.len() {
-            let count = self.field.select_some_shaded(samples, first, max_shaded, None, &mut activations.shaded);
-            self.field.decode(&rays[first..first + count], samples, activations);
-            (0..count).for_each(|r| take(self.pixel(r, first + r, &rays[first + r], samples, activations)));
-            samples.clock.lap(Stage::Composite);
-            first += count;
+        let (mut work, mut left, mut together) = (Work::default(), rays, rays.len());
+        while !left.is_empty() {
+            together = together.min(left.len());
+            while !self.field.march_within(&left[..together], samples, self.sample_bytes) {
+                together = together.div_ceil(2);
+            }
+            let rays;
+            (rays, left) = left.split_at(together);
+            let mut first = 0;
+            while first < rays.len() {
+                let count = self.field.select_some_shaded(samples, first, max_shaded, None, &mut activations.shaded);
+                self.field.decode(&rays[first..first + count], samples, activations);
+                for (r, ray) in rays[first..first + count].iter().enumerate() {
+                    take(self.pixel(r, first + r, ray, samples, activations), first + r, samples);
+                }
+                samples.clock.lap(Stage::Composite);
+                first += count;
+            }
+            work.add(&samples.clock.work);
         }
-        std::mem::take(&mut samples.clock.work)
+        work
     }
 
     /// The pixel of the ray `line` of index `ray`, whose index in `activations` is `decoded`. Twin:
@@ -292,7 +319,7 @@ impl<T: Real> CpuRenderer<T> {
             }
         }
         let mut pixels = pixels.into_iter();
-        self.trace_chunk(&rays, scratch, |pixel| *pixels.next().expect("one pixel per ray") = pixel)
+        self.trace_chunk(&rays, scratch, |pixel, _, _| *pixels.next().expect("one pixel per ray") = pixel)
     }
 }
 
@@ -346,4 +373,41 @@ fn tiles(pixels: &mut [Pixel], width: usize) -> Vec<Tile<'_>> {
         }
     }
     tiles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use strivec_format::container::decode;
+
+    #[test]
+    fn rays_that_march_in_small_groups_have_the_same_pixels() {
+        let file = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/v1/f32.strivec"));
+        let scene = decode(file).unwrap();
+        let (center, size) = (scene.bounds.center(), scene.bounds.size());
+        let camera = Camera::looking_at([32, 32], 32.0, center + 1.5 * size, center, glam::DVec3::Z);
+        let together = CpuRenderer::new(&scene).unwrap();
+        let (picture, work) = together.render_with_work(&camera);
+        assert!(work.samples > 1000, "{work:?}");
+        let rays: Vec<Ray> = (0..1024).filter_map(|n| camera.ray(n % 32, n / 32)).collect();
+        let infos = together.trace_info(&rays, true);
+        for sample_bytes in [0, 10_000, 100_000] {
+            let apart = CpuRenderer { sample_bytes, ..together.clone() };
+            let (found, of_groups) = apart.render_with_work(&camera);
+            assert!(found == picture, "{sample_bytes} bytes");
+            assert_eq!((of_groups.rays, of_groups.samples), (work.rays, work.samples));
+            assert_eq!(apart.trace_info(&rays, true), infos);
+        }
+    }
+
+    #[test]
+    fn a_scene_of_long_rays_is_refused_and_says_so() {
+        let file = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/v1/f32.strivec"));
+        let mut scene = decode(file).unwrap();
+        assert!(CpuRenderer::new(&scene).is_ok());
+        scene.rules.step = scene.bounds.size().length() / 1e6;
+        scene.memory.0 = 512 << 20;
+        let error = CpuRenderer::new(&scene).unwrap_err().to_string();
+        assert!(error.starts_with("the samples of a ray of the scene would take at least"), "{error}");
+    }
 }

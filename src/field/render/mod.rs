@@ -2,9 +2,11 @@
 
 mod approximation;
 mod cpu;
+mod error;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 mod keyframes;
+mod memory;
 mod orbit;
 mod pareto;
 mod reference;
@@ -13,7 +15,9 @@ mod upsample;
 
 pub use approximation::Approximation;
 pub use cpu::{CpuRenderer, TraceInfo};
+pub use error::RendererError;
 pub use keyframes::{KeyframesError, MAX_KEYFRAMES, MAX_KEYFRAMES_BYTES, read_keyframes, write_keyframes};
+pub use memory::check_picture;
 pub use orbit::Orbit;
 pub use pareto::{ParetoFront, ParetoPoint, QualitySelector, RenderSettings, TRADE_NOTE};
 pub use reference::{ReferenceRenderer, Trace};

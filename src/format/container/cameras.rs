@@ -99,6 +99,7 @@ impl From<&Camera> for TrainingCamera {
 }
 
 pub(super) fn write(writer: &mut Writer, cameras: &[TrainingCamera]) -> Result<(), Error> {
+    limits::check("CAMERAS cameras", limits::ITEMS, cameras.len())?;
     let mut body = Vec::with_capacity(CAMERA_BYTES * cameras.len());
     for &TrainingCamera { ref pose, focal, principal, size, lens } in cameras {
         let projection = match lens.projection {

@@ -11,12 +11,14 @@ use super::writer::{SectionPlace, Writer};
 use crate::escape::escaped;
 
 pub(super) fn write(writer: &mut Writer, notes: &BTreeMap<String, String>) -> Result<(), Error> {
+    limits::check("NOTES notes", limits::ITEMS, notes.len())?;
     let mut body = Vec::new();
     for (key, value) in notes {
         for text in [key, value] {
             body.extend(record::write(&"NOTES", &Text { text: Str(text) })?);
         }
     }
+    limits::check("NOTES bytes", 0..=*limits::TEXT_BYTES.end(), body.len())?;
     let record = record::write(&"NOTES", &Count { count: notes.len() as u64 })?;
     writer.compressed(SectionPlace::whole(SectionKind::Notes), record, &body)
 }

@@ -111,6 +111,7 @@ impl Record for Probe {
 }
 
 pub(super) fn write(writer: &mut Writer, probes: &Probes) -> Result<(), Error> {
+    limits::check("PROBES probes", limits::ITEMS, probes.probes.len())?;
     let record = ProbesRecord {
         color_tolerance: probes.color_tolerance,
         depth_tolerance: probes.depth_tolerance,

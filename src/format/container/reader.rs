@@ -17,7 +17,9 @@ use super::{
     decoder, factors, frame, matrix, occupancy, parallel, placement, prefix, probes, provenance, rules, scale, table,
 };
 use crate::geometry::Aabb;
-use crate::model::{Decoder, Factors, Form, Frame, Occupancy, Provenance, Rules, Scale, Scene, TensorCloud};
+use crate::model::{
+    Decoder, Factors, Form, Frame, MemoryLimit, Occupancy, Provenance, Rules, Scale, Scene, TensorCloud,
+};
 
 /// Bytes of the first request: header and table of most files.
 const FIRST_READ: u64 = 16 << 10;
@@ -158,7 +160,8 @@ impl<S: Source> Reader<S> {
         if is_prefix && let Some(quality) = &mut metadata.quality {
             quality.prefixes.clear();
         }
-        let mut scene = Scene { frame, bounds, rules, scales, decoder, occupancy, provenance };
+        let memory = MemoryLimit(self.limits.memory);
+        let mut scene = Scene { frame, bounds, rules, scales, decoder, occupancy, provenance, memory };
         if is_prefix && let Some(correction) = &metadata.prefixes[count - 1] {
             correction.apply(&mut scene);
         }

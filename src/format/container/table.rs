@@ -1,6 +1,7 @@
 //! The section table (spec 2.2). It is read, and compared with its checksum, before any payload.
 
 use super::error::Error;
+use super::limits::Limits;
 use super::payload::{Payload, aligned};
 use super::section::Section;
 use super::version::Version;
@@ -23,6 +24,16 @@ pub struct Contents {
 }
 
 impl Contents {
+    /// Fails if the file, whose bytes arrive in pieces that are held in memory, is longer than a reader's memory.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Budget`].
+    pub fn check_length(&self) -> Result<(), Error> {
+        let (needed, left) = (self.file_length, Limits::default().memory);
+        if needed <= left { Ok(()) } else { Err(Error::Budget { place: "the file".into(), needed, left }) }
+    }
+
     /// Checks that `bytes` are the whole file and nothing else, and that only ancillary sections are damaged.
     pub(super) fn check_whole(&self, bytes: &[u8]) -> Result<(), Error> {
         let length = bytes.len() as u64;

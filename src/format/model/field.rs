@@ -11,6 +11,7 @@ use glam::{DVec3, IVec3};
 
 use super::decoder::Decoder;
 use super::factors::{Block, Form};
+use super::memory::OverMemory;
 use super::occupancy::Occupancy;
 use super::rules::{Aggregation, Coverage, Reduction};
 use super::scale::Scale;
@@ -160,6 +161,15 @@ impl<'a> ReferenceField<'a> {
     pub fn memory(scene: &Scene) -> u64 {
         let horizon = horizon_of(scene);
         scene.scales.iter().map(|s| Buckets::memory(s, horizon)).sum()
+    }
+
+    /// Checks that [`Self::new`] takes at most the memory that `scene` allows.
+    ///
+    /// # Errors
+    ///
+    /// [`OverMemory`].
+    pub fn check_memory(scene: &Scene) -> Result<(), OverMemory> {
+        scene.memory.unless_over("the reference field", Self::memory(scene))
     }
 
     /// Margins of this scene are exact below this, in model units, and reported as at least this above it.

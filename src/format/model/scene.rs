@@ -2,6 +2,7 @@
 
 use super::decoder::Decoder;
 use super::frame::Frame;
+use super::memory::MemoryLimit;
 use super::occupancy::Occupancy;
 use super::provenance::Provenance;
 use super::rules::{MAX_STEPS, Rules};
@@ -27,6 +28,8 @@ pub struct Scene {
     pub occupancy: Option<Occupancy>,
     /// The origin of the scene.
     pub provenance: Provenance,
+    /// The most memory that a field of the scene may take; not part of files.
+    pub memory: MemoryLimit,
 }
 
 impl Scene {

@@ -64,7 +64,7 @@ pub fn prune_dead_components(
     sampler: &RaySampler<'_>,
     seed: u64,
 ) -> Result<DeadComponents, TrainError> {
-    let mut field = Field::<f32>::new(scene);
+    let mut field = Field::<f32>::unlimited(scene);
     // The sequence is a permutation of the rays: the first ones decide, the next ones measure. If there are few, they
     // do both.
     let count = sampler.active_ray_count();

@@ -61,7 +61,7 @@ impl FactorImportance {
     /// Estimates the importance from `batches` batches of rays in the model's space. `rays` draws a number of them with
     /// a random stream.
     pub fn estimate(scene: &Scene, batches: usize, seed: u64, rays: impl Fn(usize, &Random) -> Vec<Ray>) -> Self {
-        let field = Field::<f32>::new(scene);
+        let field = Field::<f32>::unlimited(scene);
         let mut backward = Backward::new(&field);
         let random = Random::new(seed, "sensitivity");
         let zeros = |scale: &FieldScale<f32>| scale.blocks().map(BlockImportance::zeros).collect();

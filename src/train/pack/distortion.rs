@@ -90,6 +90,6 @@ impl ReferencePicture {
 
 /// \[camera\]\[pixel\] the colors of `scene`, one picture at a time.
 fn pictures(scene: &Scene, cameras: &[Camera]) -> impl Iterator<Item = Vec<[f32; 3]>> {
-    let renderer = CpuRenderer::<f32>::new(scene);
+    let renderer = CpuRenderer::<f32>::unlimited(scene);
     cameras.iter().map(move |camera| renderer.render(camera).pixels.iter().map(|pixel| pixel.color).collect())
 }

@@ -24,8 +24,8 @@ const OFFSET_DIFFERENCE: f64 = 0.1;
 /// The correction for the first `scales` scales of `scene`, fitted in `steps` steps to the whole scene's colors along
 /// rays of `views`.
 pub fn fit_prefix(scene: &Scene, scales: usize, views: &ModelCameras, steps: usize, seed: u64) -> Prefix {
-    let whole = CpuRenderer::<f32>::new(scene);
-    let mut field = Field::<f32>::new(&first_scales(scene.clone(), &[], Some(scales as u32)));
+    let whole = CpuRenderer::<f32>::unlimited(scene);
+    let mut field = Field::<f32>::unlimited(&first_scales(scene.clone(), &[], Some(scales as u32)));
     let mut backward = Backward::new(&field);
     let random = Random::new(seed, "prefix").substream(scales as u64);
     // The logarithm of the gain, and the offset.

@@ -54,6 +54,7 @@ impl From<cli::Error> for Failure {
             cli::Error::Io(_) => "InputError",
             cli::Error::Malformed(_) => "MalformedError",
             cli::Error::Unsupported(_) => "UnsupportedError",
+            cli::Error::Memory(_) => "MemoryLimitError",
             cli::Error::Differs(_) => "DiffersError",
             cli::Error::Runtime(_) => "RunError",
         };

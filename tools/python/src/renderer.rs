@@ -6,9 +6,9 @@ use glam::DVec3;
 use numpy::PyReadonlyArrayDyn;
 use pyo3::prelude::*;
 use strivec::geometry::{Camera, Lens, Ray, Similarity};
-use strivec::model::Scene;
+use strivec::model::{ReferenceField, Scene};
 use strivec::render::gpu::{Gpu, GpuError, GpuRenderer, Precision};
-use strivec::render::{Approximation, CpuRenderer, Pixel, ReferenceRenderer, Renderer};
+use strivec::render::{Approximation, CpuRenderer, Pixel, ReferenceRenderer, Renderer, RendererError, check_picture};
 
 use crate::arrays::{shaped, vectors};
 use crate::errors::Failure;
@@ -43,12 +43,18 @@ impl NativeRenderer {
         let backend = backend.to_owned();
         let drawing = detached(py, move || {
             let copy = || Scene::clone(&scene);
-            let usage = |e: strivec::Invalid| Failure::usage(format!("approximation: {e}"));
+            let usage = |error| match error {
+                RendererError::Approximation(e) => Failure::usage(format!("approximation: {e}")),
+                error => Failure::from(strivec::cli::Error::from(error)),
+            };
             Ok(match backend.as_str() {
                 "cpu" => {
                     Drawing::Cpu(Box::new(CpuRenderer::with_approximation(copy(), &approximation).map_err(usage)?))
                 }
-                "reference" if approximation.is_exact() => Drawing::Reference(scene),
+                "reference" if approximation.is_exact() => {
+                    ReferenceField::check_memory(&scene).map_err(strivec::cli::Error::from)?;
+                    Drawing::Reference(scene)
+                }
                 "reference" => return Err(Failure::usage("the reference renders without approximations")),
                 "gpu" => {
                     let renderer =
@@ -84,6 +90,7 @@ impl NativeRenderer {
                 Failure::usage(format!("a camera needs pixels and a focal length; found {size:?}, {focal:?}")).into()
             );
         }
+        check_picture(size).map_err(|e| Failure::from(strivec::cli::Error::from(e)))?;
         let posed = Camera::posed(&pose, size, focal[0]).map_err(|e| Failure::usage(e.to_string()))?;
         let mut camera = Camera { focal, principal, lens, ..posed };
         if in_dataset {
@@ -159,5 +166,8 @@ fn locked(renderer: &Mutex<GpuRenderer>) -> std::sync::MutexGuard<'_, GpuRendere
 }
 
 fn of_gpu(error: GpuError) -> Failure {
-    Failure::runtime(format!("backend gpu: {error}"))
+    match error {
+        GpuError::Memory(error) => strivec::cli::Error::from(error).into(),
+        error => Failure::runtime(format!("backend gpu: {error}")),
+    }
 }

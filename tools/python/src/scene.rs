@@ -16,7 +16,8 @@ use strivec::container::{
 };
 use strivec::export::SceneDescription;
 use strivec::field::Field;
-use strivec::model::Scene;
+use strivec::model::{OverMemory, Scene};
+use strivec::recipe;
 
 use crate::arrays::{Dictionary, arrays_of, shaped, vectors};
 use crate::errors::Failure;
@@ -34,8 +35,8 @@ pub(crate) struct NativeScene {
     pub(crate) scene: Arc<Scene>,
     metadata: Metadata,
     encoding: EncodeOptions,
-    /// Prepared at the first query.
-    field: Arc<OnceLock<Field<f32>>>,
+    /// Prepared at the first query, unless that takes too much memory.
+    field: Arc<OnceLock<Result<Field<f32>, OverMemory>>>,
 }
 
 /// The ancillary parts that Python changes, as JSON.
@@ -79,6 +80,12 @@ impl NativeScene {
         })
     }
 
+    /// The field, within the memory that the scene may take.
+    fn field(&self) -> Result<&Field<f32>, Failure> {
+        let field = self.field.get_or_init(|| Field::new(&self.scene)).as_ref();
+        Ok(field.map_err(|&error| cli::Error::from(error))?)
+    }
+
     /// Evaluates the field at `points` by `evaluate`, such as [`Field::densities`], into an f32 array of shape \[point\]\[row\]. Ctrl-C
     /// stops it after the current block of points.
     fn at_points<'py>(
@@ -101,7 +108,7 @@ impl NativeScene {
             };
             py.detach(|| {
                 caught(|| {
-                    evaluate(self.field.get_or_init(|| Field::new(&self.scene)), &point, values);
+                    evaluate(self.field()?, &point, values);
                     Ok(())
                 })
             })?;
@@ -124,8 +131,7 @@ impl NativeScene {
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf, max_memory: Option<u64>) -> PyResult<Self> {
         detached(py, move || {
-            let read = std::fs::read(&path);
-            let bytes = read.map_err(|e| cli::Error::Io(format!("{}: cannot read it: {e}", path.display())))?;
+            let bytes = recipe::read_file(&path)?;
             Self::decoded(path, bytes, max_memory)
         })
     }

@@ -134,7 +134,7 @@ pub(crate) fn train(
     let recipe = request.recipe(&output)?;
     let results = followed(py, listener, move |events, interrupted| {
         let mut reporter = Reporter { events, interrupted, last: None };
-        Trained::check_output(&output, force)?;
+        let _reserved = Trained::check_output(&output, force)?;
         if let Some(checkpoint) = recipe.checkpoint.as_ref().filter(|_| !recipe.resume) {
             checkpoint.check_new(force)?;
         }

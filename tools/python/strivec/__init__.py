@@ -32,7 +32,17 @@ from .commands import (
     train,
     verify,
 )
-from .errors import DiffersError, Error, InputError, InternalError, MalformedError, RunError, UnsupportedError, UsageError
+from .errors import (
+    DiffersError,
+    Error,
+    InputError,
+    InternalError,
+    MalformedError,
+    MemoryLimitError,
+    RunError,
+    UnsupportedError,
+    UsageError,
+)
 from .scene import Picture, Scene
 
 __all__ = [
@@ -42,6 +52,7 @@ __all__ = [
     "InputError",
     "InternalError",
     "MalformedError",
+    "MemoryLimitError",
     "Message",
     "Picture",
     "Progress",

@@ -39,7 +39,11 @@ class MalformedError(Error, ValueError):
 
 
 class UnsupportedError(Error):
-    """A file is of another version, or needs what this build lacks or more memory than it may take."""
+    """A file is of another version, or needs what this build lacks."""
+
+
+class MemoryLimitError(UnsupportedError, MemoryError):
+    """A scene or a picture needs more memory than it may take."""
 
 
 class DiffersError(Error):

@@ -49,6 +49,7 @@ class Scene:
 
     A scene never changes; edits return another. Points, rays, cameras and depths are in the space of the dataset's cameras, or in
     model space, that of the arrays, with `space="model"`. Work is done on all cores, and other threads of Python go on meanwhile.
+    In a process that was forked after the first use, it raises a RunError: forks copy no threads.
     """
 
     _native: NativeScene
@@ -261,7 +262,8 @@ class Scene:
 
     def publish(self, output: Path, title: Optional[str] = None, overwrite: bool = False) -> Any:
         """Writes the scene with the web player: as one HTML file, which opens from disk, if the name of `output` ends in .html, else as a
-        folder for any web server. Returns the page's path."""
+        folder for any web server. `overwrite` replaces only the file, or the files in the folder that an earlier call wrote. Returns the
+        page's path."""
         from .publish import publish
 
         return publish(self, output, title, overwrite)

@@ -1,5 +1,6 @@
 """The commands as functions."""
 
+import csv
 import json
 import os
 import pathlib
@@ -68,6 +69,25 @@ class Commands(unittest.TestCase):
         os.chdir(self.path)
         fixture("smallest").save("--json")
         self.assertEqual(strivec.command("info", "--json")["tool"], fixture("smallest").info()["tool"])
+
+    def test_names_in_a_csv_report_are_no_formulas(self):
+        self.dataset()
+        self.addCleanup(os.chdir, os.getcwd())
+        os.chdir(self.path)
+        fixture("f32").save("=1+2.strivec")
+        strivec.evaluate("=1+2.strivec", "spheres", split="test", csv="views.csv")
+        with open("views.csv", encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual([row["file"] for row in rows], ["'=1+2.strivec"] * 2)
+        self.assertGreater(float(rows[0]["mse"]), 0.0)
+
+    def test_the_working_folder_is_not_emptied_by_publish(self):
+        fixture("smallest").save(self.path / "s.strivec")
+        command = [sys.executable, "-m", "strivec", "publish", "s.strivec", ".", "--force"]
+        done = subprocess.run(command, cwd=self.path, stderr=subprocess.PIPE, text=True, check=False)
+        self.assertEqual(done.returncode, 1)
+        self.assertRegex(done.stderr, "a new folder" if web_player() else "no web player")
+        self.assertEqual([path.name for path in self.path.iterdir()], ["s.strivec"])
 
     def test_an_exception_of_the_callback_ends_the_command(self):
         dataset, file = self.dataset(), self.path / "scene.strivec"

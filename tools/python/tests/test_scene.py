@@ -1,10 +1,14 @@
 """Scenes: files, arrays, queries and pictures."""
 
+import multiprocessing
+import os
 import pathlib
 import pickle
+import signal
 import subprocess
 import sys
 import tempfile
+import textwrap
 import threading
 import time
 import unittest
@@ -193,6 +197,21 @@ class Queries(unittest.TestCase):
             with self.assertRaises((strivec.UsageError, ZeroDivisionError)):
                 call()
 
+    def test_a_picture_beyond_the_memory_is_refused_before_it_is_taken(self):
+        camera = strivec.Camera.look_at((3.0, 2.0, 1.0), (0.0, 0.0, 0.0), size=(4, 4))
+        with self.assertRaisesRegex(MemoryError, "1000000x1000000 pixels") as caught:
+            fixture("f32").render(camera, size=(1000000, 1000000))
+        self.assertIsInstance(caught.exception, strivec.MemoryLimitError)
+
+    def test_a_scene_beyond_its_memory_is_refused_before_it_is_taken(self):
+        with self.assertRaisesRegex(MemoryError, "f32.strivec"):
+            strivec.Scene.load(FIXTURES / "f32.strivec", max_memory=1000)
+        # Enough for what is decoded, but not for what evaluates it.
+        scene = next(filter(None, (loaded(FIXTURES / "f32.strivec", 1 << bits) for bits in range(10, 30))))
+        for call in (lambda: scene.density([[0.0, 0.0, 0.0]]), lambda: scene.trace([[0.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])):
+            with self.assertRaises(strivec.MemoryLimitError):
+                call()
+
     def test_other_threads_go_on(self):
         scene = fixture("everything")
         camera = strivec.Camera.look_at((3.0, 2.0, 1.0), (0.0, 0.0, 0.0), size=(480, 480))
@@ -212,6 +231,79 @@ class Queries(unittest.TestCase):
         ended.set()
         thread.join()
         self.assertGreater(sum(begin < at < end for at in ticks), 3)
+
+
+def loaded(path, max_memory):
+    """The scene in the file `path`, or None if it takes more memory."""
+    try:
+        return strivec.Scene.load(path, max_memory)
+    except strivec.MemoryLimitError:
+        return None
+
+
+def in_fork(call):
+    """The RuntimeError of `call` in a forked process, or "done"; empty if it does not end within 30 seconds."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        signal.alarm(30)
+        try:
+            call()
+            os.write(writer, b"done")
+        except RuntimeError as error:
+            os.write(writer, str(error).encode())
+        finally:
+            os._exit(0)
+    os.close(writer)
+    with open(reader, encoding="utf-8") as pipe:
+        text = pipe.read()
+    os.waitpid(child, 0)
+    return text
+
+
+def density_at_origin(path):
+    """The density of the scene in the file `path`."""
+    return float(strivec.Scene.load(path).density(np.zeros((1, 3)), space="model")[0])
+
+
+@unittest.skipUnless(hasattr(os, "fork"), "this system has no fork")
+class Processes(unittest.TestCase):
+    def test_a_process_that_was_forked_after_the_first_use_raises_at_once(self):
+        scene, points, path = fixture("f32"), np.zeros((3000, 3)), FIXTURES / "f32.strivec"
+        camera = strivec.Camera.look_at((3.0, 2.0, 1.0), (0.0, 0.0, 0.0), size=(4, 4))
+        scene.density(points)
+        scene.render(camera)
+        for name, call in (
+            ("density", lambda: scene.density(points)),
+            ("features", lambda: scene.features(points)),
+            ("render", lambda: scene.render(camera)),
+            ("load", lambda: strivec.Scene.load(path)),
+            ("loads", lambda: strivec.Scene.loads(path.read_bytes())),
+            ("command", lambda: strivec.command("info", path)),
+        ):
+            with self.subTest(name):
+                self.assertRegex(in_fork(call), f'forked from process {os.getpid()} after .*"spawn"')
+        # Facts and bytes need no threads.
+        self.assertEqual(in_fork(lambda: (scene.info(), scene.dumps(), scene.description)), "done")
+        scene.density(points)
+
+    def test_a_process_that_was_forked_before_the_first_use_works(self):
+        code = f"""
+            import os, sys
+            import numpy as np
+            import strivec
+            child = os.fork()
+            strivec.Scene.load({str(FIXTURES / "f32.strivec")!r}).density(np.zeros((3000, 3)))
+            if child:
+                sys.exit(os.waitpid(child, 0)[1])
+        """
+        done = subprocess.run([sys.executable, "-c", textwrap.dedent(code)], check=False, timeout=120)
+        self.assertEqual(done.returncode, 0)
+
+    def test_spawned_processes_work(self):
+        path = str(FIXTURES / "f32.strivec")
+        with multiprocessing.get_context("spawn").Pool(1) as pool:
+            self.assertEqual(pool.apply_async(density_at_origin, (path,)).get(timeout=120), density_at_origin(path))
 
 
 class Import(unittest.TestCase):

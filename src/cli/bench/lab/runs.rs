@@ -48,7 +48,7 @@ pub fn training_steps(trainer: &mut Trainer<'_>, runs: Runs, memory: MemoryMark)
 /// Measures frames of `scene` from `camera`, in the model's space, with the fast renderer on the threads of the current
 /// pool.
 pub fn frames(scene: &Scene, camera: &Camera, runs: Runs, memory: MemoryMark) -> Measured {
-    let renderer = CpuRenderer::from_field(Field::<f32>::new(scene));
+    let renderer = CpuRenderer::from_field(Field::<f32>::unlimited(scene));
     let timed: Result<_, Infallible> = runs.time(|| Ok(renderer.render_with_work(camera).1));
     let Ok((seconds, works)) = timed;
     measured(seconds, works.into_iter(), memory.peak())

@@ -153,7 +153,7 @@ mod tests {
             let mut config = config();
             config.scales.iter_mut().for_each(|scale| scale.factors = kind);
             let scene = ball(&config, 0).unwrap();
-            let renderer = CpuRenderer::new(&scene);
+            let renderer = CpuRenderer::unlimited(&scene);
             let view = &ball_views(4, 33)[1];
             let picture = renderer.render(&view.camera);
             let opacity = |column: usize, row: usize| picture.pixels[row * 33 + column].opacity;

@@ -1,6 +1,8 @@
 //! Errors of rendering on a graphics device.
 
+use crate::render::RendererError;
 use strivec_format::Invalid;
+use strivec_format::model::OverMemory;
 
 /// Errors of a graphics device, by who must act.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -25,4 +27,19 @@ pub enum GpuError {
     /// An approximation that is invalid for the scene or the device (caller).
     #[error(transparent)]
     Approximation(#[from] Invalid),
+    /// The scene takes more memory than it may (policy).
+    #[error(transparent)]
+    Memory(#[from] OverMemory),
+}
+
+impl From<RendererError> for GpuError {
+    fn from(error: RendererError) -> Self {
+        match error {
+            RendererError::Approximation(error) => error.into(),
+            RendererError::Memory(error) => error.into(),
+            RendererError::Picture { needed: found, available: limit, .. } => {
+                Self::TooLarge { what: "bytes of a picture", found, limit }
+            }
+        }
+    }
 }

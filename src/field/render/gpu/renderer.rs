@@ -68,7 +68,7 @@ impl GpuRenderer {
     ///
     /// # Errors
     ///
-    /// If an option is out of range, or the scene exceeds a limit of the device.
+    /// If an option is out of range, or the scene exceeds a limit of the device or takes more memory than it may.
     pub fn new(gpu: &Gpu, scene: Scene, approximation: &Approximation, precision: Precision) -> Result<Self, GpuError> {
         Self::with_limits(gpu, scene, approximation, precision, gpu.scene_limits())
     }
@@ -83,7 +83,7 @@ impl GpuRenderer {
     ) -> Result<Self, GpuError> {
         approximation.check(&scene)?;
         let own = approximation.reduce(&mut scene);
-        let field = Field::<f32>::from_scene(&mut scene);
+        let field = Field::<f32>::from_scene(&mut scene)?;
         let packed = Packed::new(&field, &own, precision, limits)?;
         let storage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         let scene = gpu.upload("scene", &packed.scene, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
@@ -352,7 +352,7 @@ mod tests {
         }
         let small = BufferLimits { chunks: 2, chunk_shift: 4, ..gpu.scene_limits() };
         let refused =
-            Packed::new(&Field::new(&scene.0), &OwnThresholds::of(&scene.0.rules), Precision::F32, small).err();
+            Packed::new(&Field::unlimited(&scene.0), &OwnThresholds::of(&scene.0.rules), Precision::F32, small).err();
         assert!(
             matches!(refused, Some(GpuError::TooLarge { what: "bytes of scene data", limit: 512, .. })),
             "{refused:?}"

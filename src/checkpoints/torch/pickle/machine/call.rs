@@ -57,7 +57,8 @@ impl Machine<'_> {
     /// Sets the state of the value on top of the stack.
     pub(super) fn build(&mut self, state: Id) -> Result<(), Fault> {
         let on = self.top()?;
-        match self.value(on).clone() {
+        // No value is cloned: one of them may be a list of a million items.
+        match self.value(on) {
             // (version, shape, type, order, bytes)
             Value::Array(_) => {
                 let state = self.items(state)?;
@@ -73,7 +74,7 @@ impl Machine<'_> {
                 self.values[on as usize] = Value::Array(Array { shape, dtype, fortran_order, data });
             }
             // (version, order of bytes, …)
-            Value::Dtype { name, .. } => {
+            &Value::Dtype { name, .. } => {
                 let state = self.items(state)?;
                 let order = state.get(1).copied();
                 self.values[on as usize] = Value::Dtype { name, order };
