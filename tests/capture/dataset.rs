@@ -395,7 +395,77 @@ fn pictures_that_would_not_fit_into_memory_are_refused_before_decoding() {
     // Averaged pixels take four times as much: half the size does not fit, a third does.
     let fitting = |options: &LoadOptions| fitting_downscale(small.folder.path(), "train", options).unwrap();
     assert_eq!(fitting(&options), (3, 4_800_000_000));
-    assert_eq!(fitting(&LoadOptions { max_memory: 4_800_000_000, ..options }), (1, 4_800_000_000));
+    // Decoding takes 4 bytes per pixel for the picture, 1 for gray, and the file.
+    let file = fs::metadata(small.path("train/r_0.png")).unwrap().len();
+    let most = 4_800_000_000 + 10_000_000 + file;
+    assert_eq!(fitting(&LoadOptions { max_memory: most, ..options.clone() }), (1, 4_800_000_000));
+    assert_eq!(fitting(&LoadOptions { max_memory: most - 1, ..options.clone() }).0, 3);
+    let error = small.load(&LoadOptions { max_memory: most - 1, ..options }).unwrap_err();
+    let parts = ["r_0.png: decoding the picture takes 0.010 GB of memory, more than the 0.010 GB", "set `max_memory`"];
+    assert_error(described(error), ErrorKind::Limit, &parts);
+}
+
+#[test]
+fn pictures_of_many_kinds_are_read_whatever_their_names_are() {
+    use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb};
+    let small = Small::new();
+    let path = small.path("train/r_0.png");
+    let color = |x: u32, y: u32| [x as u8 * 40, y as u8 * 60, 9];
+    let rgb = DynamicImage::ImageRgb8(ImageBuffer::from_fn(6, 4, |x, y| Rgb(color(x, y))));
+    let deep = ImageBuffer::from_fn(6, 4, |x, y| Rgb(color(x, y).map(|channel| u16::from(channel) * 257)));
+    let gray = ImageBuffer::from_fn(6, 4, |x, y| Luma([u16::from(color(x, y)[0]) * 257]));
+    let expected = |x: u32, y: u32| color(x, y).map(|channel| f32::from(channel) / 255.0);
+    let near = |of: &dyn Fn(u32, u32) -> [f32; 3]| {
+        let pixels = small.load(&LoadOptions::default()).unwrap().views[0].pixels.colors([0.0; 3]);
+        let far = |n: usize| pixels[n].iter().zip(of(n as u32 % 6, n as u32 / 6)).any(|(a, b)| (a - b).abs() > 1e-6);
+        assert_eq!((pixels.len(), (0..24).find(|&n| far(n))), (24, None));
+    };
+    for format in [ImageFormat::Png, ImageFormat::WebP, ImageFormat::Tiff] {
+        rgb.save_with_format(&path, format).unwrap();
+        near(&expected);
+    }
+    for format in [ImageFormat::Png, ImageFormat::Tiff] {
+        DynamicImage::ImageRgb16(deep.clone()).save_with_format(&path, format).unwrap();
+        near(&expected);
+        DynamicImage::ImageLuma16(gray.clone()).save_with_format(&path, format).unwrap();
+        near(&|x, y| [expected(x, y)[0]; 3]);
+    }
+    // A bitmap of 24 bits: rows from the bottom, blue first, each of a multiple of four bytes.
+    let mut bitmap = b"BM\0\0\0\0\0\0\0\0\x36\0\0\0\x28\0\0\0\x06\0\0\0\x04\0\0\0\x01\0\x18\0".to_vec();
+    bitmap.resize(0x36, 0);
+    for y in (0..4).rev() {
+        (0..6).for_each(|x| bitmap.extend(color(x, y).iter().rev()));
+        bitmap.extend([0; 2]);
+    }
+    fs::write(&path, &bitmap).unwrap();
+    near(&expected);
+    // A palette of two colors, the second half transparent: PNG chunks are a length, a name, data and a checksum.
+    let chunk = |name: &[u8; 4], data: &[u8]| {
+        let named = [name, data].concat();
+        [&(data.len() as u32).to_be_bytes()[..], &named, &crc32fast::hash(&named).to_be_bytes()].concat()
+    };
+    let rows = [0, 0b0101_0100].repeat(4);
+    let mut checksum = [1_u32, 0];
+    rows.iter().for_each(|&byte| {
+        checksum[0] += byte;
+        checksum[1] += checksum[0];
+    });
+    let data: Vec<u8> = rows.iter().map(|&byte| byte as u8).collect();
+    let deflated =
+        [b"\x78\x01\x01\x08\0\xf7\xff", &data[..], &(checksum[1] << 16 | checksum[0]).to_be_bytes()].concat();
+    let palette = [
+        &b"\x89PNG\r\n\x1a\n"[..],
+        &chunk(b"IHDR", &[0, 0, 0, 6, 0, 0, 0, 4, 1, 3, 0, 0, 0]),
+        &chunk(b"PLTE", &[255, 0, 0, 0, 0, 255]),
+        &chunk(b"tRNS", &[255, 51]),
+        &chunk(b"IDAT", &deflated),
+        &chunk(b"IEND", &[]),
+    ];
+    fs::write(&path, palette.concat()).unwrap();
+    near(&|x, _| if x % 2 == 0 { [1.0, 0.0, 0.0] } else { [0.0, 0.0, 0.2] });
+    fs::write(&path, b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").unwrap();
+    let parts = ["r_0.png", "found a HEIC picture; convert it, for example by `heif-convert"];
+    assert_error(small.error(), ErrorKind::Malformed, &parts);
 }
 
 #[test]

@@ -427,7 +427,7 @@ fn files_that_are_no_pictures_are_skipped_with_a_reason() {
         "caf\u{fffd}.png: the name is not UTF-8",
         "lost.png: cannot be read: ",
         "more: a folder; its pictures are not used",
-        "notes.txt: not a JPEG, PNG, TIFF or WebP picture",
+        "notes.txt: not a picture; the first bytes are ",
         "photo.webp: cannot be decoded: ",
     ];
     assert_eq!(skipped.len(), starts.len(), "{skipped:?}");
@@ -469,7 +469,7 @@ fn only_a_free_folder_becomes_a_capture() {
     fs::copy(place.path("photos/a.png"), place.path("few/a.png")).unwrap();
     let message = place.failure(&["few", "-o", "x"], 3);
     assert!(
-        message.contains("few: 1 photograph in the folder; at least 3 JPEG, PNG, TIFF or WebP files are needed"),
+        message.contains("few: 1 photograph in the folder; at least 3 JPEG, PNG, TIFF, WebP or BMP files are needed"),
         "{message}"
     );
     assert_eq!(place.calls(), [""; 0]);

@@ -11,9 +11,10 @@ use std::path::PathBuf;
 use glam::DVec3;
 use image::DynamicImage;
 
-use super::Error;
+use super::decoding_memory::DecodingMemory;
 use super::picture::{self, MAX_EDGE};
 use super::shot::{Shot, is_scaled};
+use super::{Error, LoadOptions};
 use strivec_format::geometry::{Camera, Ray};
 use strivec_import::npy;
 
@@ -32,9 +33,9 @@ pub struct DepthMap {
 
 impl DepthMap {
     /// \[height\]\[width\] the distances along the rays of `camera`, which is the photograph's at any size, in the
-    /// dataset's units; 0 where unknown.
-    pub(super) fn distances(&self, camera: &Camera) -> Result<Vec<f32>, Error> {
-        let (size, depths) = self.depths()?;
+    /// dataset's units; 0 where unknown. The map is decoded within `memory`.
+    pub(super) fn distances(&self, camera: &Camera, memory: &DecodingMemory) -> Result<Vec<f32>, Error> {
+        let (size, depths) = self.depths(memory)?;
         self.camera(size)?;
         let nearest = |pixel: u32, of: u32, extent: u32| {
             (u64::from(2 * pixel + 1) * u64::from(extent) / u64::from(2 * of)) as usize
@@ -55,7 +56,7 @@ impl DepthMap {
     ///
     /// If the map cannot be read or has another shape than its photograph.
     pub fn points(&self, most: u64) -> Result<Vec<DVec3>, Error> {
-        let (size, depths) = self.depths()?;
+        let (size, depths) = self.depths(&DecodingMemory::new(LoadOptions::MAX_MEMORY))?;
         let camera = self.camera(size)?;
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let step = (pixels as f64 / most.max(1) as f64).sqrt().ceil().max(1.0) as usize;
@@ -92,11 +93,11 @@ impl DepthMap {
     }
 
     /// Columns and rows, and \[height\]\[width\] depths in units.
-    fn depths(&self) -> Result<([u32; 2], Vec<f64>), Error> {
+    fn depths(&self, memory: &DecodingMemory) -> Result<([u32; 2], Vec<f64>), Error> {
         if self.path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npy")) {
             return self.array();
         }
-        match picture::decoded(&self.path, false)? {
+        match picture::decoded(&self.path, false, memory)?.0 {
             DynamicImage::ImageLuma16(gray) => {
                 Ok((gray.dimensions().into(), gray.into_raw().into_iter().map(f64::from).collect()))
             }
@@ -204,7 +205,7 @@ mod tests {
         let map = &maps(&folder)[0];
         for downscale in [1, 2] {
             let camera = map.camera([8, 6]).unwrap().downscaled(downscale);
-            let distances = map.distances(&camera).unwrap();
+            let distances = map.distances(&camera, &DecodingMemory::new(1 << 20)).unwrap();
             assert_eq!(distances.len(), (48 / downscale.pow(2)) as usize);
             for (ray, distance) in camera.rays(0..camera.height).zip(distances) {
                 assert!(ray.unwrap().at(f64::from(distance)).z.abs() < 1e-6);

@@ -6,6 +6,7 @@ use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use super::picture_format::READ_FORMATS;
 use strivec_format::{Invalid, OptionName, Place};
 use strivec_import::{Fault, ImportError};
 
@@ -112,11 +113,19 @@ pub enum Error {
         path: PathBuf,
     },
     /// A picture that cannot be decoded.
-    #[error("{}: the file must be a PNG, JPEG, WebP or TIFF picture: {found}", path.display())]
+    #[error("{}: the file must be a {} picture: {found}", path.display(), READ_FORMATS)]
     Picture {
         /// The picture.
         path: PathBuf,
         /// The decoder's error, or the contents found.
+        found: String,
+    },
+    /// A file that is no picture of a format that is read.
+    #[error("{}: the file must be a {} picture; found {found}", path.display(), READ_FORMATS)]
+    PictureFormat {
+        /// The file.
+        path: PathBuf,
+        /// The format found and what to do, or the first bytes.
         found: String,
     },
     /// A picture whose size differs from the dataset's.
@@ -160,6 +169,20 @@ pub enum Error {
         /// The bytes of the photographs.
         found: u64,
     },
+    /// A picture whose decoding takes more memory than is left.
+    #[error(
+        "{}: decoding the picture takes {:.3} GB of memory, more than the {:.3} GB that {} leaves beside the photographs; \
+         set {}, or make the picture smaller",
+        path.display(), *found as f64 / 1e9, *limit as f64 / 1e9, OptionName("max_memory"), OptionName("max_memory")
+    )]
+    DecodingMemory {
+        /// The picture.
+        path: PathBuf,
+        /// The most bytes.
+        limit: u64,
+        /// The bytes that decoding takes.
+        found: u64,
+    },
     /// A downscale factor of 0 or one that leaves no pixel.
     #[error("{}: {invalid}", path.display())]
     Downscale {
@@ -194,13 +217,14 @@ impl Error {
             | Self::NoFrames { .. }
             | Self::UnknownSize { .. }
             | Self::Picture { .. }
+            | Self::PictureFormat { .. }
             | Self::PictureSize { .. }
             | Self::Layout { .. }
             | Self::Text { .. } => ErrorKind::Malformed,
             Self::Downscale { .. } | Self::NotAFolder { .. } | Self::Split { .. } | Self::Views { .. } => {
                 ErrorKind::Argument
             }
-            Self::TooLarge { .. } | Self::Memory { .. } => ErrorKind::Limit,
+            Self::TooLarge { .. } | Self::Memory { .. } | Self::DecodingMemory { .. } => ErrorKind::Limit,
         }
     }
 

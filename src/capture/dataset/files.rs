@@ -12,7 +12,7 @@ const MAX_FILE_BYTES: u64 = 512 << 20;
 /// The most bytes of a file of a few numbers.
 const MAX_TEXT_BYTES: u64 = 1 << 20;
 /// Endings of pictures, in lower case.
-pub const PICTURES: [&str; 6] = ["png", "jpg", "jpeg", "webp", "tif", "tiff"];
+pub const PICTURES: [&str; 7] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp"];
 
 /// The bytes of a regular file of at most `MAX_FILE_BYTES`.
 pub fn read(path: &Path) -> Result<Vec<u8>, Error> {

@@ -5,17 +5,20 @@
 
 mod capture;
 mod colmap;
+mod decoding_memory;
 mod depth;
 mod description;
 mod error;
 #[doc(hidden)]
 pub mod files;
+mod jpeg;
 mod layout;
 mod llff;
 mod metashape;
 mod nsvf;
 mod photographs;
 mod picture;
+mod picture_format;
 mod pixels;
 mod scan;
 mod scannet;
@@ -35,6 +38,8 @@ pub use transforms::depth_maps;
 pub use {
     capture::TEST_EVERY,
     colmap::model_number,
+    picture::picture_size,
+    picture_format::PictureFormat,
     shot::{Focal, Intrinsics, OPENGL_FROM_OPENCV, Split, lens_of},
 };
 
@@ -137,7 +142,8 @@ pub struct LoadOptions {
     pub holdout: Holdout,
     /// True to leave out photographs whose picture does not exist.
     pub skip_missing: bool,
-    /// The most bytes of the loaded photographs: 4 per pixel of 8-bit pictures at full size, 16 per pixel of all others.
+    /// The most bytes of the loaded photographs, 4 per pixel of 8-bit pictures at full size and 16 per pixel of all others,
+    /// and of what decoding takes besides.
     pub max_memory: u64,
     /// Cameras are turned about the dataset's z axis by so many degrees, counterclockwise seen from above. Points, meshes and
     /// boxes that come with the dataset are left out unless this is 0.

@@ -1,11 +1,12 @@
 //! Loading, common to all layouts: the choice of views, and their pictures, decoded in parallel.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
 use super::capture::Capture;
+use super::decoding_memory::DecodingMemory;
 use super::picture::{self, MAX_EDGE, PictureHeader};
 use super::shot::{Shot, is_scaled};
 use super::{Dataset, DepthMap, Error, Layout, LoadOptions, NamedCamera, Photograph, files, transforms};
@@ -21,6 +22,8 @@ struct Fitted<'a> {
     is_turned: bool,
     /// The picture has more than 8 bits per channel.
     is_deep: bool,
+    /// Bytes that decoding takes besides the pixels.
+    decoding_bytes: u64,
     /// Columns and rows of the picture.
     size: [u32; 2],
     /// How many times smaller the picture is made.
@@ -67,8 +70,8 @@ pub fn load_transforms_cameras(
     cameras(&transforms::read(json, None, options.downscale)?, "all", size, options)
 }
 
-/// How many times smaller the photographs of the split must be made to fit into `options.max_memory`, and their bytes at
-/// full size. `options.downscale` does not count; no picture is decoded.
+/// How many times smaller the photographs of the split must be made to fit into `options.max_memory` while the largest is
+/// decoded, and their bytes at full size. `options.downscale` does not count; no picture is decoded.
 ///
 /// # Errors
 ///
@@ -77,9 +80,17 @@ pub fn fitting_downscale(folder: &Path, split: &str, options: &LoadOptions) -> R
     let options = LoadOptions { downscale: 1, ..options.clone() };
     let capture = capture(folder, split, &options)?;
     let fitted = existing(&capture, split, &options)?;
-    let fits = |factor: &u32| bytes_of(&fitted, *factor) <= options.max_memory;
+    let memory = options.max_memory.saturating_sub(check_decoding(&fitted, options.max_memory)?);
+    let fits = |factor: &u32| bytes_of(&fitted, *factor) <= memory;
     // Loading refuses factors that leave no pixel.
     Ok(((1..MAX_EDGE).find(fits).unwrap_or(MAX_EDGE), bytes_of(&fitted, 1)))
+}
+
+/// Checks that `limit` bytes are enough to decode each of `photographs`. Returns how many are.
+fn check_decoding(photographs: &[Fitted<'_>], limit: u64) -> Result<u64, Error> {
+    let Some(largest) = photographs.iter().max_by_key(|fitted| fitted.decoding_bytes) else { return Ok(0) };
+    DecodingMemory::new(limit).check(&largest.shot.picture, largest.decoding_bytes)?;
+    Ok(largest.decoding_bytes)
 }
 
 /// Bytes of `photographs` in memory if they are made `more` times smaller still.
@@ -95,9 +106,10 @@ fn bytes_of(photographs: &[Fitted<'_>], more: u32) -> u64 {
 pub fn read_distances(dataset: &mut Dataset) -> Result<usize, Error> {
     let Dataset { views, depth_maps, .. } = dataset;
     let by_name: HashMap<&str, &DepthMap> = depth_maps.iter().map(|map| (map.shot.name.as_str(), map)).collect();
+    let memory = DecodingMemory::new(LoadOptions::MAX_MEMORY);
     let read: Vec<_> = (views.par_iter_mut())
         .filter_map(|view| Some((by_name.get(view.name.as_str())?, view)))
-        .map(|(map, view)| map.distances(&view.camera).map(|distances| view.distances = distances))
+        .map(|(map, view)| map.distances(&view.camera, &memory).map(|distances| view.distances = distances))
         .collect();
     let count = read.len();
     read.into_iter().collect::<Result<Vec<_>, _>>()?;
@@ -124,7 +136,10 @@ fn loaded(name: String, capture: Capture, split: &str, options: &LoadOptions) ->
     if found > options.max_memory {
         return Err(Error::Memory { path: capture.listing.clone(), limit: options.max_memory, found });
     }
-    let views: Vec<_> = fitted.par_iter().map(Fitted::view).collect();
+    let left = options.max_memory - found;
+    check_decoding(&fitted, left)?;
+    let memory = DecodingMemory::new(left);
+    let views: Vec<_> = fitted.par_iter().map(|fitted| fitted.view(&memory)).collect();
     let views = views.into_iter().collect::<Result<_, _>>()?;
     let Capture { lost, left_out, points, bounds, depth_maps, .. } = capture;
     Ok(Dataset { name, views, lost, left_out, points, bounds, depth_maps })
@@ -212,7 +227,8 @@ impl<'a> Fitted<'a> {
         shot.intrinsics.check_principal(size, listing)?;
         let factor = if shot.reduced == downscale { 1 } else { downscale };
         let camera = downscaled(shot.camera(size), factor, listing)?;
-        Ok(Self { shot, is_turned, is_deep: header.is_deep, size, factor, camera })
+        let PictureHeader { is_deep, decoding_bytes, .. } = header;
+        Ok(Self { shot, is_turned, is_deep, decoding_bytes, size, factor, camera })
     }
 
     /// Bytes of the pixels, if the picture is made `more` times smaller still.
@@ -222,10 +238,12 @@ impl<'a> Fitted<'a> {
         pixels * if is_exact { PIXEL_BYTES.0 } else { PIXEL_BYTES.1 }
     }
 
-    fn view(&self) -> Result<Photograph, Error> {
+    /// The photograph, decoded within `memory`.
+    fn view(&self, memory: &DecodingMemory) -> Result<Photograph, Error> {
         let &Self { shot, is_turned, size, factor, camera, .. } = self;
-        let pixels = picture::load(&shot.picture, is_turned, factor)?;
-        let mask = shot.mask.as_ref().map(|mask| picture::load_mask(mask, is_turned, size, factor)).transpose()?;
+        let pixels = picture::load(&shot.picture, is_turned, factor, memory)?;
+        let load_mask = |mask: &PathBuf| picture::load_mask(mask, is_turned, size, factor, memory);
+        let mask = shot.mask.as_ref().map(load_mask).transpose()?;
         let mask = match (mask, camera.seen_pixels()) {
             (Some(mask), Some(seen)) => Some(mask.into_iter().zip(seen).map(|(a, b)| a && b).collect()),
             (mask, seen) => mask.or(seen),

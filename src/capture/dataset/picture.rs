@@ -1,20 +1,22 @@
-//! Pictures (PNG, JPEG, WebP, TIFF) to pixels: decoding within limits, averaging blocks.
+//! Pictures (PNG, JPEG, WebP, TIFF, BMP) to pixels: decoding within limits, averaging blocks.
 
 use std::fs::File;
 use std::io::{Cursor, Read};
 use std::path::Path;
 
+use image::codecs::{bmp::BmpDecoder, png::PngDecoder, tiff::TiffDecoder, webp::WebPDecoder};
 use image::metadata::Orientation;
-use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageResult, Limits};
 
+use super::decoding_memory::{DecodingMemory, HeldMemory};
+use super::jpeg::{self, JpegError, JpegHeader};
+use super::picture_format::PictureFormat;
 use super::{Error, Pixels, files};
 
 /// The longest edge of a picture that is decoded.
 pub(super) const MAX_EDGE: u32 = 16_384;
 /// The most bytes that a picture may take in memory.
 const MAX_DECODED_BYTES: u64 = 512 << 20;
-/// The first bytes of a JPEG file: start of image, and the next marker's first byte.
-const JPEG_START: [u8; 3] = [0xff, 0xd8, 0xff];
 
 /// The bytes with which a file begins; enough for the header of nearly every picture.
 const HEAD_BYTES: u64 = 256 << 10;
@@ -22,18 +24,27 @@ const HEAD_BYTES: u64 = 256 << 10;
 /// A picture's size and orientation, from its header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct PictureHeader {
+    format: PictureFormat,
     /// Columns and rows as stored.
     pub(super) size: [u32; 2],
     /// How to turn the stored picture so that up is up.
     pub(super) orientation: Orientation,
     /// True if the picture has more than 8 bits per channel.
     pub(super) is_deep: bool,
+    /// Bytes that decoding takes at its peak, the file included, the resulting pixels not.
+    pub(super) decoding_bytes: u64,
 }
 
 impl PictureHeader {
     /// The header of a picture of `size` that is upright.
     pub(super) fn upright(size: [u32; 2]) -> Self {
-        Self { size, orientation: Orientation::NoTransforms, is_deep: false }
+        Self {
+            format: PictureFormat::Png,
+            size,
+            orientation: Orientation::NoTransforms,
+            is_deep: false,
+            decoding_bytes: 0,
+        }
     }
 
     /// Columns and rows once the picture is turned.
@@ -51,34 +62,46 @@ impl PictureHeader {
 pub(super) fn header(path: &Path) -> Result<PictureHeader, Error> {
     let mut head = Vec::new();
     let file = File::open(path).map_err(Error::read(path))?;
+    let file_bytes = file.metadata().map_err(Error::read(path))?.len();
     file.take(HEAD_BYTES).read_to_end(&mut head).map_err(Error::read(path))?;
-    let header = |bytes: &[u8]| {
-        let mut decoder = decoder(path, bytes)?;
-        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-        Ok(PictureHeader { size: decoder.dimensions().into(), orientation, is_deep: is_deep(decoder.color_type()) })
-    };
-    match header(&head) {
+    match EncodedPicture::open(path, &head, file_bytes) {
         Err(_) if head.len() as u64 == HEAD_BYTES => {
             let bytes = files::read(path)?;
-            check_end(path, &bytes).and_then(|()| header(&bytes))
+            EncodedPicture::open(path, &bytes, file_bytes).map(|picture| picture.header)
         }
-        Err(error) => check_end(path, &head).and(Err(error)),
-        found => found,
+        opened => opened.map(|picture| picture.header),
     }
+}
+
+/// The format of the picture at `path`, and its columns and rows as stored.
+pub fn picture_size(path: &Path) -> Result<(PictureFormat, [u32; 2]), Error> {
+    let header = header(path)?;
+    Ok((header.format, header.size))
 }
 
 /// The colors of the picture at `path`, turned by its orientation if `is_turned`, then made `downscale` times smaller;
 /// columns and rows that do not fill a block are dropped.
-pub(super) fn load(path: &Path, is_turned: bool, downscale: u32) -> Result<Pixels, Error> {
-    let picture = decoded(path, is_turned)?;
-    let (width, downscale) = (picture.width() as usize, downscale as usize);
-    Ok(if is_deep(picture.color()) {
-        averaged(picture.into_rgba16().as_raw(), width, u64::from(u16::MAX), downscale)
-    } else if downscale > 1 {
-        averaged(picture.into_rgba8().as_raw(), width, u64::from(u8::MAX), downscale)
+pub(super) fn load(path: &Path, is_turned: bool, downscale: u32, memory: &DecodingMemory) -> Result<Pixels, Error> {
+    let (picture, _held) = decoded(path, is_turned, memory)?;
+    Ok(if downscale > 1 || is_deep(picture.color()) {
+        Pixels::Premultiplied(averaged(&picture, downscale))
     } else {
-        Pixels::Rgba8(picture.into_rgba8().as_chunks::<4>().0.to_vec())
+        Pixels::Rgba8(rgba8(picture))
     })
+}
+
+/// \[height\]\[width\] the colors of a picture of 8 bits.
+fn rgba8(picture: DynamicImage) -> Vec<[u8; 4]> {
+    match picture {
+        DynamicImage::ImageLuma8(gray) => gray.as_raw().iter().map(|&gray| [gray, gray, gray, u8::MAX]).collect(),
+        DynamicImage::ImageLumaA8(gray) => {
+            gray.as_raw().as_chunks::<2>().0.iter().map(|&[gray, alpha]| [gray, gray, gray, alpha]).collect()
+        }
+        DynamicImage::ImageRgb8(rgb) => {
+            rgb.as_raw().as_chunks::<3>().0.iter().map(|&[r, g, b]| [r, g, b, u8::MAX]).collect()
+        }
+        other => other.into_rgba8().as_raw().as_chunks::<4>().0.to_vec(),
+    }
 }
 
 /// True if a color has more than 8 bits per channel.
@@ -88,8 +111,15 @@ fn is_deep(color: ColorType) -> bool {
 
 /// \[height\]\[width\] true where the mask at `path` is not black, made `downscale` times smaller: a block counts if all
 /// of it does. The mask must have the `size` (columns and rows) of its photograph.
-pub(super) fn load_mask(path: &Path, is_turned: bool, size: [u32; 2], downscale: u32) -> Result<Vec<bool>, Error> {
-    let mask = decoded(path, is_turned)?.into_luma8();
+pub(super) fn load_mask(
+    path: &Path,
+    is_turned: bool,
+    size: [u32; 2],
+    downscale: u32,
+    memory: &DecodingMemory,
+) -> Result<Vec<bool>, Error> {
+    let (mask, _held) = decoded(path, is_turned, memory)?;
+    let mask = mask.into_luma8();
     let found: [u32; 2] = mask.dimensions().into();
     if found != size {
         let like = path.to_path_buf();
@@ -103,66 +133,104 @@ pub(super) fn load_mask(path: &Path, is_turned: bool, size: [u32; 2], downscale:
     Ok((0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))).map(|(r, c)| counts(r, c)).collect())
 }
 
-/// The whole picture at `path`.
-pub(super) fn decoded(path: &Path, is_turned: bool) -> Result<DynamicImage, Error> {
+/// The whole picture at `path`, and the memory that is held for it.
+pub(super) fn decoded<'a>(
+    path: &Path,
+    is_turned: bool,
+    memory: &'a DecodingMemory,
+) -> Result<(DynamicImage, HeldMemory<'a>), Error> {
     let bytes = files::read(path)?;
-    check_end(path, &bytes)?;
-    let mut decoder = decoder(path, &bytes)?;
-    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    let mut picture = DynamicImage::from_decoder(decoder).map_err(undecodable(path))?;
+    let EncodedPicture { header, decoder } = EncodedPicture::open(path, &bytes, bytes.len() as u64)?;
+    let held = memory.take(path, header.decoding_bytes)?;
+    let mut picture = match decoder {
+        Some(decoder) => DynamicImage::from_decoder(decoder).map_err(undecodable(path))?,
+        None => jpeg::decode(&bytes).map_err(undecodable_jpeg(path))?,
+    };
     if is_turned {
-        picture.apply_orientation(orientation);
+        picture.apply_orientation(header.orientation);
     }
-    Ok(picture)
+    Ok((picture, held))
 }
 
-/// Refuses a truncated JPEG file, whose missing part the decoder fills with gray.
-fn check_end(path: &Path, bytes: &[u8]) -> Result<(), Error> {
-    if bytes.starts_with(&JPEG_START) && is_cut_short(bytes) {
-        return Err(Error::Picture { path: path.to_path_buf(), found: "the JPEG file is truncated".into() });
+/// A picture whose header was read, and is within the limits.
+struct EncodedPicture<'a> {
+    header: PictureHeader,
+    /// The decoder; `None` for a JPEG picture.
+    decoder: Option<Box<dyn ImageDecoder + 'a>>,
+}
+
+impl<'a> EncodedPicture<'a> {
+    /// The picture at `path`, a file of `file_bytes` that begins with `bytes`.
+    fn open(path: &Path, bytes: &'a [u8], file_bytes: u64) -> Result<Self, Error> {
+        let format = PictureFormat::of(bytes);
+        let format = format.map_err(|found| Error::PictureFormat { path: path.to_path_buf(), found })?;
+        if format == PictureFormat::Jpeg {
+            let jpeg = JpegHeader::read(bytes).map_err(undecodable_jpeg(path))?;
+            let orientation = jpeg.exif.and_then(Orientation::from_exif_chunk).unwrap_or(Orientation::NoTransforms);
+            let header = PictureHeader { format, size: jpeg.size(), orientation, is_deep: false, decoding_bytes: 0 };
+            let header = header.within_limits(path, jpeg.decoded_bytes(), jpeg.working_bytes(), file_bytes)?;
+            return Ok(Self { header, decoder: None });
+        }
+        let mut decoder = decoder(format, bytes).map_err(undecodable(path))?;
+        let (size, decoded) = (decoder.dimensions(), decoder.total_bytes());
+        let pixels = u64::from(size.0) * u64::from(size.1);
+        let working = match format {
+            // The colors before they are in the order of the picture.
+            PictureFormat::WebP => 4 * pixels,
+            // A strip may be the whole picture.
+            PictureFormat::Tiff => decoded,
+            _ => 0,
+        };
+        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+        let is_deep = is_deep(decoder.color_type());
+        let header = PictureHeader { format, size: size.into(), orientation, is_deep, decoding_bytes: 0 };
+        let header = header.within_limits(path, decoded, working, file_bytes)?;
+        Ok(Self { header, decoder: Some(decoder) })
     }
-    Ok(())
 }
 
-/// The format by the first bytes of a file, regardless of its extension.
-fn format(path: &Path, bytes: &[u8]) -> Result<ImageFormat, Error> {
-    let undecodable = |found: String| Error::Picture { path: path.to_path_buf(), found };
-    if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-        Ok(ImageFormat::Png)
-    } else if bytes.starts_with(&JPEG_START) {
-        Ok(ImageFormat::Jpeg)
-    } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
-        Ok(ImageFormat::WebP)
-    } else if bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*") {
-        Ok(ImageFormat::Tiff)
-    } else {
-        Err(undecodable(format!("the first bytes are {:02x?}", &bytes[..bytes.len().min(8)])))
+impl PictureHeader {
+    /// The header of the picture at `path`, a file of `file_bytes`, which takes `decoded` bytes, and `working` bytes besides
+    /// while it is decoded.
+    fn within_limits(mut self, path: &Path, decoded: u64, working: u64, file_bytes: u64) -> Result<Self, Error> {
+        let too_large = |what, limit, found| Err(Error::TooLarge { path: path.to_path_buf(), what, limit, found });
+        let edge = self.size[0].max(self.size[1]);
+        if edge > MAX_EDGE {
+            return too_large("pixels along an edge", MAX_EDGE.into(), edge.into());
+        }
+        if decoded > MAX_DECODED_BYTES {
+            return too_large("decoded bytes", MAX_DECODED_BYTES, decoded);
+        }
+        // A picture is turned by a copy, after it is decoded; a mask becomes gray.
+        let copy = if self.orientation == Orientation::NoTransforms { 0 } else { decoded };
+        let gray = u64::from(self.size[0]) * u64::from(self.size[1]);
+        self.decoding_bytes = file_bytes + decoded + working.max(copy).max(gray);
+        Ok(self)
     }
 }
 
-/// True if no end of image follows the last start of a scan of a JPEG file. Neither marker can be part of a scan's
-/// data, in which a zero byte follows each 0xff.
-fn is_cut_short(jpeg: &[u8]) -> bool {
-    let last = |marker: [u8; 2]| jpeg.windows(2).rposition(|bytes| bytes == marker);
-    let Some(end) = last([0xff, 0xd9]) else { return true };
-    jpeg[end..].windows(2).any(|bytes| bytes == [0xff, 0xda])
-}
-
-/// A decoder of the picture in `bytes` that has read the header and stays within the limits.
-fn decoder<'a>(path: &Path, bytes: &'a [u8]) -> Result<impl ImageDecoder + use<'a>, Error> {
+/// A decoder of the picture in `bytes` that has read the header. All decoders have one type of reader, for which alone they
+/// are compiled.
+fn decoder<'a>(format: PictureFormat, bytes: &'a [u8]) -> ImageResult<Box<dyn ImageDecoder + 'a>> {
     let mut limits = Limits::default();
     limits.max_image_width = Some(MAX_EDGE);
     limits.max_image_height = Some(MAX_EDGE);
     limits.max_alloc = Some(MAX_DECODED_BYTES);
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format(path, bytes)?);
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(undecodable(path))?;
-    let found = decoder.total_bytes();
-    if found > MAX_DECODED_BYTES {
-        let path = path.to_path_buf();
-        return Err(Error::TooLarge { path, what: "decoded bytes", limit: MAX_DECODED_BYTES, found });
-    }
+    let reader = Cursor::new(bytes);
+    let mut decoder: Box<dyn ImageDecoder + 'a> = match format {
+        PictureFormat::Png => Box::new(PngDecoder::with_limits(reader, limits.clone())?),
+        PictureFormat::WebP => Box::new(WebPDecoder::new(reader)?),
+        PictureFormat::Bmp => Box::new(BmpDecoder::new(reader)?),
+        PictureFormat::Tiff | PictureFormat::Jpeg => Box::new(TiffDecoder::new(reader)?),
+    };
+    decoder.set_limits(limits)?;
     Ok(decoder)
+}
+
+/// Converts an error of the JPEG picture at `path`, for `map_err`.
+fn undecodable_jpeg(path: &Path) -> impl FnOnce(JpegError) -> Error + use<> {
+    let path = path.to_path_buf();
+    move |error| Error::Picture { path, found: error.to_string() }
 }
 
 /// Converts an error of decoding `path`, for `map_err`. The bytes are already read, so the file is at fault, not the
@@ -172,32 +240,42 @@ fn undecodable(path: &Path) -> impl FnOnce(image::ImageError) -> Error + use<> {
     move |error| Error::Picture { path, found: error.to_string() }
 }
 
-/// Averages blocks of `rgba` (\[height\]\[width\]\[4\], straight alpha, 0 to `max`) as premultiplied colors. Sums are
-/// exact: a block of 2²⁸ 16-bit pixels stays below 2⁶⁰.
-fn averaged<T: Copy + Into<u64>>(rgba: &[T], width: usize, max: u64, factor: usize) -> Pixels {
-    let rows = rgba.len() / (4 * width) / factor;
-    let columns = width / factor;
-    let mut pixels = Vec::with_capacity(rows * columns);
+/// Averages blocks of `factor` x `factor` pixels as premultiplied colors. No copy of the whole picture is made.
+fn averaged(picture: &DynamicImage, factor: u32) -> Vec<[f32; 4]> {
+    let [columns, rows] = [picture.width() / factor, picture.height() / factor];
+    let mut pixels = Vec::with_capacity(columns as usize * rows as usize);
+    let width = columns * factor;
     for row in 0..rows {
-        for column in 0..columns {
-            let mut color = [0_u64; 3];
-            let mut alpha = 0_u64;
-            for y in row * factor..(row + 1) * factor {
-                let start = 4 * (y * width + column * factor);
-                for pixel in rgba[start..start + 4 * factor].as_chunks::<4>().0 {
-                    let a = pixel[3].into();
-                    alpha += a;
-                    for (sum, &channel) in color.iter_mut().zip(pixel) {
-                        *sum += channel.into() * a;
-                    }
-                }
-            }
-            let count = (factor * factor) as u64;
-            let [r, g, b] = color.map(|sum| (sum as f64 / (count * max * max) as f64) as f32);
-            pixels.push([r, g, b, (alpha as f64 / (count * max) as f64) as f32]);
+        let band = picture.crop_imm(0, row * factor, width, factor);
+        if is_deep(picture.color()) {
+            average_band(band.into_rgba16().as_raw(), u64::from(u16::MAX), factor as usize, &mut pixels);
+        } else {
+            average_band(band.into_rgba8().as_raw(), u64::from(u8::MAX), factor as usize, &mut pixels);
         }
     }
-    Pixels::Premultiplied(pixels)
+    pixels
+}
+
+/// Averages the blocks of `rgba` (\[`factor`\]\[width\]\[4\], straight alpha, 0 to `max`) as premultiplied colors and adds
+/// them to `pixels`. Sums are exact: a block of 2²⁸ 16-bit pixels stays below 2⁶⁰.
+fn average_band<T: Copy + Into<u64>>(rgba: &[T], max: u64, factor: usize, pixels: &mut Vec<[f32; 4]>) {
+    let width = rgba.len() / (4 * factor);
+    for column in 0..width / factor {
+        let mut color = [0_u64; 3];
+        let mut alpha = 0_u64;
+        for row in rgba.chunks_exact(4 * width) {
+            for pixel in row[4 * column * factor..][..4 * factor].as_chunks::<4>().0 {
+                let a = pixel[3].into();
+                alpha += a;
+                for (sum, &channel) in color.iter_mut().zip(pixel) {
+                    *sum += channel.into() * a;
+                }
+            }
+        }
+        let count = (factor * factor) as u64;
+        let [r, g, b] = color.map(|sum| (sum as f64 / (count * max * max) as f64) as f32);
+        pixels.push([r, g, b, (alpha as f64 / (count * max) as f64) as f32]);
+    }
 }
 
 #[cfg(test)]
@@ -208,7 +286,8 @@ mod tests {
     fn block_is_averaged_premultiplied_and_the_last_column_dropped() {
         // One opaque red and one transparent green pixel (its color must not count), then a column beyond the block.
         let rgba: [u8; 24] = [255, 0, 0, 255, 0, 255, 0, 0, 9, 9, 9, 9, 255, 0, 0, 255, 0, 255, 0, 0, 9, 9, 9, 9];
-        let pixels = averaged(&rgba, 3, 255, 2);
+        let picture = DynamicImage::ImageRgba8(image::RgbaImage::from_raw(3, 2, rgba.to_vec()).unwrap());
+        let pixels = Pixels::Premultiplied(averaged(&picture, 2));
         assert_eq!(pixels, Pixels::Premultiplied(vec![[0.5, 0.0, 0.0, 0.5]]));
         assert_eq!(pixels.colors([0.0, 0.0, 1.0]), [[0.5, 0.0, 0.5]]);
     }
@@ -216,7 +295,18 @@ mod tests {
     #[test]
     fn full_size_opaque_colors_are_the_file_s() {
         let rgba: [u16; 8] = [1, 2, 65_535, 65_535, 40_000, 0, 7, 65_535];
+        let picture = DynamicImage::ImageRgba16(image::ImageBuffer::from_raw(2, 1, rgba.to_vec()).unwrap());
         let expected = [[1, 2, 65_535], [40_000, 0, 7]].map(|p| p.map(|v| (f64::from(v) / 65_535.0) as f32));
-        assert_eq!(averaged(&rgba, 2, 65_535, 1).colors([1.0; 3]), expected);
+        assert_eq!(Pixels::Premultiplied(averaged(&picture, 1)).colors([1.0; 3]), expected);
+    }
+
+    #[test]
+    fn gray_and_transparent_8_bit_pictures_keep_their_numbers() {
+        let gray = DynamicImage::ImageLumaA8(image::ImageBuffer::from_raw(2, 1, vec![7, 255, 9, 0]).unwrap());
+        assert_eq!(rgba8(gray), [[7, 7, 7, 255], [9, 9, 9, 0]]);
+        let gray = DynamicImage::ImageLuma8(image::ImageBuffer::from_raw(2, 1, vec![7, 9]).unwrap());
+        assert_eq!(rgba8(gray), [[7, 7, 7, 255], [9, 9, 9, 255]]);
+        let color = DynamicImage::ImageRgb8(image::ImageBuffer::from_raw(1, 1, vec![7, 8, 9]).unwrap());
+        assert_eq!(rgba8(color), [[7, 8, 9, 255]]);
     }
 }

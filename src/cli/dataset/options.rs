@@ -28,7 +28,7 @@ pub(crate) struct DatasetOptions {
     skip_missing: bool,
     /// Maximum memory of the loaded photographs, as in 16GB
     ///
-    /// A pixel takes 4 bytes, 16 if photographs are downscaled.
+    /// A pixel takes 4 bytes, 16 if photographs are downscaled. Memory for decoding counts as well.
     #[arg(long, value_name = "SIZE", default_value = MAX_MEMORY, value_parser = quantity::size, help_heading = "Dataset")]
     max_memory: u64,
     /// Turn the dataset about its z axis

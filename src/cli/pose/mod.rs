@@ -123,7 +123,7 @@ fn photographs(args: &Args, colmap: &Colmap) -> Result<Photographs, Error> {
     if count < MIN_PICTURES {
         let skipped = photographs.skipped.first().map_or_else(String::new, |file| format!(" (skipped: {file})"));
         return Err(Error::Malformed(format!(
-            "{}: {} in the folder{skipped}; at least {MIN_PICTURES} JPEG, PNG, TIFF or WebP files are needed",
+            "{}: {} in the folder{skipped}; at least {MIN_PICTURES} JPEG, PNG, TIFF, WebP or BMP files are needed",
             args.source.display(),
             plural(count, "photograph")
         )));

@@ -1,16 +1,15 @@
 //! The photographs of a folder: which of its files are pictures, and their copies in the capture.
 
 use std::fs::{self, File};
-use std::io::{self, BufReader, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-
-use image::{ImageFormat, ImageReader};
 
 use super::super::Error;
 use super::super::progress::Progress;
 use super::folder::remove;
 use super::process::stopped;
+use strivec_capture::dataset::{self, PictureFormat};
 use strivec_format::escape::escaped;
 
 /// A photograph.
@@ -22,9 +21,9 @@ pub(super) struct ListedPhotograph {
     bytes: u64,
     /// Seconds since 1970, or 0 if unknown.
     modified: u64,
-    format: ImageFormat,
+    format: PictureFormat,
     /// Columns and rows.
-    size: (u32, u32),
+    size: [u32; 2],
 }
 
 /// The photographs of a folder.
@@ -63,7 +62,7 @@ impl Photographs {
 
     /// Skips WebP pictures, which the COLMAP `program` does not read.
     pub(super) fn skip_webp(&mut self, program: &str) {
-        let is_webp = |picture: &mut ListedPhotograph| picture.format == ImageFormat::WebP;
+        let is_webp = |picture: &mut ListedPhotograph| picture.format == PictureFormat::WebP;
         for ListedPhotograph { name, .. } in self.pictures.extract_if(.., is_webp) {
             let why = format!("a WebP picture, which {program} does not read; convert it to JPEG or PNG");
             self.skipped.push(format!("{}: {why}", escaped(&name)));
@@ -88,11 +87,11 @@ impl Photographs {
             "{}: {} has {}x{} pixels and {} has {}x{}, but one camera is shared; give pictures of one size, or --camera-each",
             self.folder.display(),
             escaped(&first.name),
-            first.size.0,
-            first.size.1,
+            first.size[0],
+            first.size[1],
             escaped(&other.name),
-            other.size.0,
-            other.size.1
+            other.size[0],
+            other.size[1]
         )))
     }
 
@@ -151,8 +150,12 @@ fn photograph(path: &Path, name: Option<&str>) -> Result<ListedPhotograph, Strin
     if !metadata.is_file() {
         return Err("a device or a pipe".into());
     }
-    let format = format_of(path).map_err(|error| format!("cannot be read: {error}"))??;
-    let size = dimensions(path, format)?;
+    let (format, size) = dataset::picture_size(path).map_err(|error| match error {
+        dataset::Error::Read { source, .. } => format!("cannot be read: {source}"),
+        dataset::Error::Picture { found, .. } => format!("cannot be decoded: {found}"),
+        dataset::Error::PictureFormat { found, .. } => found,
+        other => format!("cannot be decoded: {other}"),
+    })?;
     let modified = metadata.modified().ok().and_then(|time| time.duration_since(std::time::UNIX_EPOCH).ok());
     Ok(ListedPhotograph {
         name: name.to_owned(),
@@ -162,30 +165,4 @@ fn photograph(path: &Path, name: Option<&str>) -> Result<ListedPhotograph, Strin
         format,
         size,
     })
-}
-
-/// The format by the first bytes of a file, regardless of its extension; else why it is none that COLMAP reads.
-fn format_of(path: &Path) -> io::Result<Result<ImageFormat, String>> {
-    let mut start = Vec::new();
-    File::open(path)?.take(12).read_to_end(&mut start)?;
-    let at = |offset: usize, magic: &[u8]| start.get(offset..).is_some_and(|rest| rest.starts_with(magic));
-    Ok(if at(0, b"\xff\xd8\xff") {
-        Ok(ImageFormat::Jpeg)
-    } else if at(0, b"\x89PNG\r\n\x1a\n") {
-        Ok(ImageFormat::Png)
-    } else if at(0, b"II*\0") || at(0, b"MM\0*") {
-        Ok(ImageFormat::Tiff)
-    } else if at(0, b"RIFF") && at(8, b"WEBP") {
-        Ok(ImageFormat::WebP)
-    } else if at(4, b"ftyp") && [&b"heic"[..], b"heix", b"mif1", b"avif"].iter().any(|brand| at(8, brand)) {
-        Err("a HEIC or AVIF picture; convert it to JPEG or PNG".into())
-    } else {
-        Err("not a JPEG, PNG, TIFF or WebP picture".into())
-    })
-}
-
-fn dimensions(path: &Path, format: ImageFormat) -> Result<(u32, u32), String> {
-    let file = File::open(path).map_err(|error| format!("cannot be read: {error}"))?;
-    let size = ImageReader::with_format(BufReader::new(file), format).into_dimensions();
-    size.map_err(|error| format!("cannot be decoded: {error}"))
 }

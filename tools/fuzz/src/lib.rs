@@ -1,6 +1,9 @@
 //! Checks of the guarantees of readers, shared by their targets.
 
+use std::path::PathBuf;
+
 use glam::DVec3;
+use strivec::dataset::LoadOptions;
 use strivec::geometry::Aabb;
 use strivec::import::{Fault, Input, Point, ReadOptions, Visitor};
 
@@ -63,8 +66,8 @@ pub fn import(bytes: &[u8], read: impl Fn(&mut Input<'_>, &ReadOptions, &mut dyn
     }
 }
 
-/// Reads the cameras of a dataset of `files`, which are written into a folder of this process.
-pub fn describe(files: &[(&str, &[u8])]) {
+/// A folder of this process with `files` alone.
+fn folder_of(files: &[(&str, &[u8])]) -> PathBuf {
     let folder = std::env::temp_dir().join(format!("strivec-fuzz-{}", std::process::id()));
     // Files of the last input would be read, too.
     let _ = std::fs::remove_dir_all(&folder);
@@ -73,6 +76,24 @@ pub fn describe(files: &[(&str, &[u8])]) {
         std::fs::create_dir_all(path.parent().expect("a file in the folder")).expect("a folder");
         std::fs::write(path, bytes).expect("a file");
     }
+    folder
+}
+
+/// Decodes `bytes` as a picture, within 64 MB.
+pub fn photograph(bytes: &[u8]) {
+    let pose = "[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]";
+    let json = format!(r#"{{"fl_x": 10, "frames": [{{"file_path": "a.jpg", "transform_matrix": {pose}}}]}}"#);
+    let folder = folder_of(&[("transforms_train.json", json.as_bytes()), ("a.jpg", bytes)]);
+    let options = LoadOptions { max_memory: 64_000_000, ..LoadOptions::default() };
+    let Ok(dataset) = strivec::dataset::load(&folder, "train", &options) else { return };
+    for view in dataset.views {
+        assert_eq!(view.pixels.len(), view.camera.width as usize * view.camera.height as usize);
+    }
+}
+
+/// Reads the cameras of a dataset of `files`, which are written into a folder of this process.
+pub fn describe(files: &[(&str, &[u8])]) {
+    let folder = folder_of(files);
     let Ok(found) = strivec::dataset::describe(&folder, &Default::default()) else { return };
     for named in found.splits.iter().flat_map(|(_, cameras)| cameras) {
         let camera = &named.camera;
