@@ -369,6 +369,20 @@ fn the_newer_program_is_used_and_newer_options_have_other_names() {
 }
 
 #[test]
+fn faster_ways_to_match_many_pairs_are_named() {
+    let place = Place::new();
+    let said = |arguments: &[&str]| text(&place.run(&pose(arguments)).stderr);
+    assert!(!said(&[]).contains("pycolmap 4"), "few pairs need no advice");
+    (0..60).for_each(|n| image::RgbImage::new(8, 6).save(place.path(&format!("photos/z{n}.png"))).unwrap());
+    let said = said(&["--force", "--matching", "exhaustive"]);
+    assert!(
+        said.contains("matching: pycolmap 4 (pip install pycolmap) matched 292 photographs in a twentieth"),
+        "{said}"
+    );
+    assert!(said.contains("pairs; --matching sequential tries "), "{said}");
+}
+
+#[test]
 fn sequential_matching_without_a_vocabulary_tree_says_so() {
     let place = Place::new();
     let output = place.run(&pose(&["--matching", "sequential"]));

@@ -42,7 +42,7 @@ pub(super) enum Matching {
     Auto,
     /// All pairs
     Exhaustive,
-    /// Each picture with the next ten and with those 16, 32, … 512 further on, in the order of names
+    /// Each picture with those 1, 2, 4, … 512 further on, in the order of names
     Sequential,
 }
 

@@ -19,6 +19,8 @@ const SCRIPT: &str = include_str!("pycolmap_stage.py");
 const BLOCK: &str = "10";
 /// COLMAP's command for global mapping.
 const COLMAP_GLOBAL: &str = "global_mapper";
+/// The first version whose matching was measured to be fast on a CPU.
+const FAST_MATCHING: (u32, u32) = (4, 0);
 const INSTALL: &str = "install one of them: apt install colmap, or pip install pycolmap";
 
 /// Where to look for COLMAP.
@@ -169,6 +171,16 @@ impl Colmap {
     /// True if it decodes WebP; the packages of pycolmap do not.
     pub(super) fn reads_webp(&self) -> bool {
         matches!(self.kind, Kind::Program { .. })
+    }
+
+    /// True if sequential matching also tries the next nine pictures.
+    pub(super) fn matches_the_next_nine(&self) -> bool {
+        matches!(self.kind, Kind::Program { .. }) && self.order < (3, 12)
+    }
+
+    /// True if a later version matches much faster on a CPU.
+    pub(super) fn matches_slowly(&self) -> bool {
+        self.order < FAST_MATCHING
     }
 
     fn has_global_mapper(&self) -> bool {
