@@ -64,6 +64,10 @@ impl Visitor for Aligned<'_> {
         self.visitor.splat(center, axes.map(|axis| self.alignment.transform_vector3(axis)))
     }
 
+    fn not_finite(&mut self, fault: Fault) -> Result<(), Fault> {
+        self.visitor.not_finite(fault)
+    }
+
     fn left_out(&mut self, reason: LeftOut) {
         self.visitor.left_out(reason);
     }

@@ -88,7 +88,10 @@ pub(super) fn numbered(
     cameras: impl ExactSizeIterator<Item = Camera>,
 ) -> Vec<NamedCamera> {
     let digits = digits(cameras.len()).max(least_digits);
-    let named = |(n, camera): (usize, Camera)| NamedCamera { name: format!("{prefix}_{n:0digits$}"), camera };
+    let named = |(n, camera): (usize, Camera)| {
+        let name = format!("{prefix}_{n:0digits$}");
+        NamedCamera { path: name.clone(), name, camera }
+    };
     cameras.enumerate().map(named).collect()
 }
 

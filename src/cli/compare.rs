@@ -93,7 +93,8 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let _reserved = args.outputs.check(session)?;
     let scenes: Vec<_> =
         args.files.iter().map(|file| SceneToEvaluate::read(file, session)).collect::<Result<_, _>>()?;
-    let Dataset { name, views, .. } = args.photographs.load()?;
+    let Dataset { name, views, unreadable, .. } = args.photographs.load()?;
+    unreadable.iter().for_each(|error| session.console.say(&format!("left out: {error}")));
     check_backgrounds(&scenes, &views)?;
 
     let evaluator = Evaluator {

@@ -290,7 +290,7 @@ fn format_of(bytes: &[u8]) -> String {
 }
 
 /// The flags of the library's options. Other options, such as most of a configuration's, have no flag.
-const FLAGS: [(&str, &str); 34] = [
+const FLAGS: [(&str, &str); 35] = [
     ("alpha", "--alpha"),
     ("background", "--set photographs.background"),
     ("bounds", "--bounds"),
@@ -320,6 +320,7 @@ const FLAGS: [(&str, &str); 34] = [
     ("skip_missing", "--skip-missing"),
     ("step_scale", "--step-scale"),
     ("steps", "--steps"),
+    ("test_every", "--test-every"),
     ("thickness", "--thickness"),
     ("threshold", "--threshold"),
     ("transform", "--transform"),

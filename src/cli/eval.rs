@@ -69,7 +69,8 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     args.backend.check()?;
     let _reserved = args.outputs.check(session)?;
     let scene = SceneToEvaluate::read(&args.file, session)?;
-    let Dataset { name, views, .. } = args.photographs.load()?;
+    let Dataset { name, views, unreadable, .. } = args.photographs.load()?;
+    unreadable.iter().for_each(|error| session.console.say(&format!("left out: {error}")));
     let sheets = args.sheets.as_ref().map(|folder| sheets(folder, views.iter().map(|view| view.name.as_str())));
     let _reserved_sheets = match (&args.sheets, &sheets) {
         (Some(folder), Some(sheets)) => {

@@ -74,7 +74,7 @@ impl Viewpoints {
         if let Some(pose) = &self.pose {
             let camera = Camera::posed(pose, size, self.focal(size));
             let camera = camera.map_err(|error| Error::Usage(format!("--pose: {error}")))?;
-            return Ok(vec![NamedCamera { name: "pose".into(), camera }]);
+            return Ok(vec![NamedCamera { name: "pose".into(), path: "pose".into(), camera }]);
         }
         match (self.orbit, self.path.way()) {
             (Some(count), _) => Ok(numbered("orbit", 3, self.circle(frame, bounds, turn, count, size).into_iter())),

@@ -39,9 +39,8 @@ pub fn read_binary(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut d
         input.go_to(input.offset() + track * SIGHTING_BYTES)?;
         let color = [bytes[32], bytes[33], bytes[34]];
         let position = DVec3::new(number(8), number(16), number(24));
-        let point = Point::new(position, Some(color), || format!("byte {}", place + 8))?;
         if counts(options, track, number(35)) {
-            visitor.point(point)?;
+            Point::pass(Point::new(position, Some(color), || format!("byte {}", place + 8)), visitor)?;
         }
     }
     match input.left() {
@@ -86,9 +85,8 @@ pub fn read_text(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn
             let found = format!("{sightings} numbers");
             return Err(Fault::malformed(place(), "pairs of an image and a keypoint", found));
         }
-        let point = Point::new(DVec3::from_array(position), Some(color), place)?;
         if counts(options, sightings / 2, error) {
-            visitor.point(point)?;
+            Point::pass(Point::new(DVec3::from_array(position), Some(color), place), visitor)?;
         }
     }
     Ok(())

@@ -16,6 +16,9 @@ pub enum Fault {
     /// The file has a value that its format does not allow. The place is mostly the position at which the value begins.
     #[error("{}: expected {}, found {}", .0.place, .0.expected, .0.found)]
     Malformed(Invalid),
+    /// A coordinate is not a finite number. Visitors may leave such records out.
+    #[error("{}: expected {}, found {}", .0.place, .0.expected, .0.found)]
+    NotFinite(Invalid),
     /// The file breaks its format in another way.
     #[error("{place}: {problem}")]
     Broken {

@@ -41,7 +41,10 @@ pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visi
             let position = DVec3::new(number(at), number(at + 4), number(at + 8));
             Point::new(position, None, || format!("byte {}", place + at as u64))
         };
-        pass([corner(0)?, corner(1)?, corner(2)?], options, visitor)?;
+        match (corner(0), corner(1), corner(2)) {
+            (Ok(a), Ok(b), Ok(c)) => pass([a, b, c], options, visitor)?,
+            (Err(fault), ..) | (_, Err(fault), _) | (.., Err(fault)) => fault.pass(visitor)?,
+        }
         input.report(visitor)?;
     }
     Ok(())

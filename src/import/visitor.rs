@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use super::Fault;
+use strivec_format::Invalid;
 use strivec_format::geometry::Aabb;
 
 /// A point on a surface.
@@ -24,7 +25,25 @@ impl Point {
         if position.is_finite() {
             return Ok(Self { position, color });
         }
-        Err(Fault::malformed(place(), "finite coordinates", position))
+        Err(Fault::NotFinite(Invalid::new(place(), "finite coordinates", position)))
+    }
+
+    /// Passes a point to `visitor`, or the fault that a coordinate is not finite.
+    pub(super) fn pass(point: Result<Self, Fault>, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+        match point {
+            Ok(point) => visitor.point(point),
+            Err(fault) => fault.pass(visitor),
+        }
+    }
+}
+
+impl Fault {
+    /// Passes the fault to `visitor` if it is that a coordinate is not finite; else it is the error.
+    pub(super) fn pass(self, visitor: &mut dyn Visitor) -> Result<(), Self> {
+        match self {
+            Self::NotFinite(_) => visitor.not_finite(self),
+            other => Err(other),
+        }
     }
 }
 
@@ -37,6 +56,8 @@ pub enum LeftOut {
     Noise,
     /// A splat whose opacity is below [`ReadOptions::min_opacity`].
     Transparent,
+    /// A coordinate is not finite.
+    NotFinite,
 }
 
 /// Receives geometry while it is read. An error of any method ends the reading.
@@ -60,6 +81,16 @@ pub trait Visitor {
 
     /// A point is left out for `reason`.
     fn left_out(&mut self, _reason: LeftOut) {}
+
+    /// A point, splat, vertex or triangle is left out, as a coordinate is not finite, if this method allows it: `fault` says
+    /// which. The default refuses it.
+    ///
+    /// # Errors
+    ///
+    /// Any error ends the reading.
+    fn not_finite(&mut self, fault: Fault) -> Result<(), Fault> {
+        Err(fault)
+    }
 
     /// A triangle of a mesh; it may be degenerate.
     ///

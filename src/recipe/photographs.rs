@@ -4,7 +4,8 @@ use std::path::Path;
 
 use super::{Error, Observer};
 use strivec_capture::dataset;
-use strivec_capture::dataset::{Dataset, LoadOptions};
+use strivec_capture::dataset::{Dataset, Description, LoadOptions};
+use strivec_capture::prior;
 use strivec_format::OptionName;
 use strivec_format::digits::plural;
 use strivec_format::geometry::Camera;
@@ -67,21 +68,45 @@ impl Photographs {
 pub fn load(folder: &Path, options: &LoadOptions, observer: &mut dyn Observer) -> Result<Dataset, Error> {
     let dataset = dataset::load(folder, "train", options)?;
     observer.message(&contents(&dataset));
+    dataset.unreadable.iter().for_each(|error| observer.message(&format_args!("left out: {error}")));
+    // A fault in another split does not hinder the training.
+    match dataset::describe(folder, &LoadOptions { views: None, every: 1, ..options.clone() }) {
+        Ok(description) => describe(folder, description, observer),
+        Err(error) => observer.message(&format_args!("the rest of the dataset cannot be described: {error}")),
+    }
     Ok(dataset)
+}
+
+/// The cameras and the inventory of the dataset in `folder`, a line each.
+fn describe(folder: &Path, description: Description, observer: &mut dyn Observer) {
+    let Description { splits, points, mut inventory, .. } = description;
+    let cameras = splits.iter().flat_map(|(_, named)| named.iter().map(|named| named.camera));
+    for group in dataset::group_cameras(&cameras.collect::<Vec<_>>()) {
+        observer.message(&format_args!("cameras: {group}"));
+    }
+    let left_out = points.and_then(|file| prior::points_left_out(folder, &file));
+    drop(inventory.entries.splice(..0, left_out));
+    for (label, line) in inventory.lines() {
+        observer.message(&format_args!("{label}: {line}"));
+    }
 }
 
 /// One line on the photographs.
 fn contents(dataset: &Dataset) -> String {
-    let Dataset { name, views, lost, left_out, .. } = dataset;
+    let Dataset { name, views, lost, left_out, unreadable, .. } = dataset;
     let largest = |extent: fn(&Camera) -> u32| views.iter().map(|view| extent(&view.camera)).max().unwrap_or(0);
     let [width, height] = [largest(|camera| camera.width), largest(|camera| camera.height)];
     let photographs = plural(views.len(), "photograph");
     let mut text = format!("{name}: {photographs} to train on, {width}x{height} pixels at most");
     let distorted = views.iter().filter(|view| !view.camera.lens.is_pinhole()).count();
     let masked = views.iter().filter(|view| view.mask.is_some()).count();
-    for (count, what) in
-        [(distorted, "with a lens"), (masked, "with a mask"), (*lost, "without a pose"), (left_out.len(), "missing")]
-    {
+    for (count, what) in [
+        (distorted, "with a lens"),
+        (masked, "with a mask"),
+        (*lost, "without a pose"),
+        (left_out.len(), "missing"),
+        (unreadable.len(), "not readable"),
+    ] {
         if count > 0 {
             text += &format!(", {count} {what}");
         }

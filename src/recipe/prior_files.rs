@@ -46,6 +46,7 @@ pub fn build_prior(
         (counts.withheld, "withheld points"),
         (counts.noise, "points of the noise classes 7 and 18"),
         (counts.transparent, "splats of low opacity"),
+        (counts.not_finite, "points or triangles that are not finite"),
     ]);
     if !left_out.is_empty() {
         left_out.insert_str(0, "; left out: ");

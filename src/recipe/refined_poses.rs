@@ -1,6 +1,7 @@
 //! Refined camera poses that training writes beside a scene: the frames of a `transforms.json`, and the factor by which
 //! focal lengths grew.
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -58,11 +59,42 @@ struct PhotographPose {
     transform_matrix: [[f64; 4]; 4],
 }
 
+/// \[frame\] the number of its camera in `cameras`: by its path; in files of earlier versions, which have names without folder
+/// and ending, by a name that only one photograph has, or by the order of photographs if it is the same.
+fn places_of(frames: &[PhotographPose], cameras: &[NamedCamera]) -> Vec<Option<usize>> {
+    let stem = |path: &str| {
+        let name = path.rsplit(['/', '\\']).next().unwrap_or_default();
+        name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_lowercase()
+    };
+    let stems: Vec<String> = cameras.iter().map(|camera| stem(&camera.path)).collect();
+    let is_stem_of = |frame: &PhotographPose, n: usize| {
+        let name = frame.file_path.to_lowercase();
+        stems[n] == name || cameras[n].name == frame.file_path || stem(&name) == stems[n]
+    };
+    let is_in_order = frames.len() == cameras.len()
+        && frames.iter().zip(0..).all(|(frame, n)| !frame.file_path.contains('/') && is_stem_of(frame, n));
+    // Of several cameras of a path, the first.
+    let by_path: HashMap<&str, usize> =
+        cameras.iter().enumerate().rev().map(|(n, camera)| (camera.path.as_str(), n)).collect();
+    let of = |(n, frame): (usize, &PhotographPose)| {
+        if let Some(&place) = by_path.get(frame.file_path.as_str()) {
+            return Some(place);
+        }
+        if is_in_order {
+            return Some(n);
+        }
+        let is_alone = frames.iter().filter(|other| other.file_path == frame.file_path).count() == 1;
+        let mut found = (0..cameras.len()).filter(|&n| !frame.file_path.contains('/') && is_stem_of(frame, n));
+        found.next().filter(|_| found.next().is_none() && is_alone)
+    };
+    frames.iter().enumerate().map(of).collect()
+}
+
 impl RefinedPoses {
     /// \[view\] the `refined` cameras of `views`, in the dataset's space; at least one.
     pub fn new(views: &[Photograph], refined: &[Camera]) -> Self {
         let frame = |(view, camera): (&Photograph, &Camera)| PhotographPose {
-            file_path: view.name.clone(),
+            file_path: view.path.clone(),
             transform_matrix: *camera.pose().as_chunks::<4>().0.first_chunk().expect("16 numbers"),
         };
         let focal_scale =
@@ -116,8 +148,9 @@ impl RefinedPoses {
             return Err(malformed(format!("focal_scale must be positive; found {focal_scale}")));
         }
         let (mut from, mut to) = (Vec::new(), Vec::new());
-        for frame in &poses.frames {
-            let Some(named) = cameras.iter().find(|camera| camera.name == frame.file_path) else { continue };
+        let places = places_of(&poses.frames, cameras);
+        for (frame, place) in poses.frames.iter().zip(places) {
+            let Some(named) = place.map(|place| &cameras[place]) else { continue };
             let camera = Camera::posed(frame.transform_matrix.as_flattened(), [1, 1], 1.0);
             to.push(camera.map_err(|e| malformed(format!("{}: {e}", frame.file_path)))?);
             from.push(named.camera);
@@ -128,5 +161,34 @@ impl RefinedPoses {
                 from.len()
             ))
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    fn frames(names: &[&str]) -> Vec<PhotographPose> {
+        let matrix = [[0.0; 4]; 4];
+        names.iter().map(|name| PhotographPose { file_path: (*name).into(), transform_matrix: matrix }).collect()
+    }
+
+    fn cameras(paths: &[&str]) -> Vec<NamedCamera> {
+        let camera = Camera::looking_at([8, 8], 8.0, DVec3::X, DVec3::ZERO, DVec3::Z);
+        paths.iter().map(|path| NamedCamera { name: "name".into(), path: (*path).into(), camera }).collect()
+    }
+
+    #[test]
+    fn photographs_are_known_by_their_paths_and_in_old_files_by_unique_names() {
+        let both = cameras(&["left/0.png", "right/0.png", "left/1.png"]);
+        assert_eq!(places_of(&frames(&["right/0.png", "left/0.png"]), &both), [Some(1), Some(0)]);
+        // One name of two photographs means neither of them; a folder is never left out.
+        assert_eq!(places_of(&frames(&["0", "1"]), &both), [None, Some(2)]);
+        assert_eq!(places_of(&frames(&["other/1.png"]), &both), [None]);
+        // All photographs in their order: earlier versions wrote them so.
+        assert_eq!(places_of(&frames(&["0", "0", "1"]), &both), [Some(0), Some(1), Some(2)]);
+        assert_eq!(places_of(&frames(&["0", "1", "0"]), &both), [None, Some(2), None]);
     }
 }

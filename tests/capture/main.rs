@@ -3,5 +3,8 @@
 #[path = "../data/mod.rs"]
 mod data;
 mod dataset;
+mod foreign;
+mod foreign_names;
+mod foreign_records;
 mod scannet;
 mod synthetic;

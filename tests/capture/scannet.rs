@@ -380,9 +380,17 @@ fn jpeg_pictures_are_read_by_their_bytes_and_broken_ones_named() {
         (b"GIF89a", "picture; found a GIF picture; convert it"),
         (b"", "picture; found an empty file"),
     ] {
+        // One alone is left out, with its error.
         small.write("color/3.jpg", bytes);
-        small.fails(ErrorKind::Malformed, part);
+        let unreadable = small.load("train").unwrap().unreadable;
+        assert!(unreadable.len() == 1 && unreadable[0].contains(part), "{unreadable:?} lacks {part}");
     }
+    small.write("color/2.png", b"");
+    small.fails(
+        ErrorKind::Malformed,
+        "2.png: the file must be a PNG, JPEG, WebP, TIFF or BMP picture; found an empty file",
+    );
+    small.write("color/2.png", &jpeg);
     // A header that claims 65 535 columns and rows.
     let mut huge = jpeg.clone();
     let frame = huge.windows(2).position(|marker| marker == [0xff, 0xc0]).unwrap();

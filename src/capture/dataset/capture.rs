@@ -1,10 +1,13 @@
 //! A dataset as its files describe it, before a picture is opened: its photographs, their split, and what is known of the
 //! scene's place.
 
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
 use glam::DMat3;
 
+use super::inventory_entry::{InventoryEntry, Standing, relative_to};
+use super::names::{NamesOfFolders, normal};
 use super::shot::{Shot, Split};
 use super::{DepthMap, Error, files};
 use strivec_format::geometry::Aabb;
@@ -25,6 +28,10 @@ pub(super) struct Capture {
     pub(super) bounds: Option<Aabb>,
     /// The depth maps of photographs.
     pub(super) depth_maps: Vec<DepthMap>,
+    /// Files that were read beside the listing and the points.
+    pub(super) inputs: Vec<PathBuf>,
+    /// What the layout tells of files that are not used, or not there.
+    pub(super) entries: Vec<InventoryEntry>,
 }
 
 /// The interval of test views unless another is chosen.
@@ -57,6 +64,73 @@ impl Capture {
             points: None,
             bounds: None,
             depth_maps: Vec::new(),
+            inputs: Vec::new(),
+            entries: Vec::new(),
+        }
+    }
+
+    /// Adds an entry on the file or folder `path` of the dataset.
+    pub(super) fn tell(&mut self, standing: Standing, path: impl Into<String>, count: usize, what: impl Into<String>) {
+        self.entries.push(InventoryEntry::new(standing, path, count, what));
+    }
+
+    /// Tells of `count` of `total` records of `path` that are left out as they are not finite. `first` is the first one's error.
+    pub(super) fn tell_bad(&mut self, path: String, errors: &[Error], total: usize, kind: &str) {
+        if let Some(first) = errors.first() {
+            let what = format!("{} of {total} {kind} left out, as it is not valid: {first}", errors.len());
+            self.tell(Standing::Unused, path, errors.len(), what);
+        }
+    }
+
+    /// Leaves out all but the first of several entries for the same picture.
+    pub(super) fn leave_out_repeated(&mut self, folder: &Path) {
+        let mut seen: HashMap<PathBuf, usize> = HashMap::new();
+        self.shots.retain(|shot| {
+            let count = seen.entry(shot.picture.clone()).or_default();
+            *count += 1;
+            *count == 1
+        });
+        let repeated: BTreeMap<_, _> = seen.into_iter().filter(|(_, count)| *count > 1).collect();
+        for (picture, count) in repeated {
+            let what = format!("it has {count} poses, of which the first is used");
+            self.tell(Standing::Unused, relative_to(folder, &picture), count - 1, what);
+        }
+    }
+
+    /// Looks for the pictures in `folder`, the dataset's: in the folder of smaller ones, else among the photographs, under
+    /// their exact names or under the only name that means the same. Names the photographs by their paths.
+    pub(super) fn find_pictures(&mut self, folder: &Path) {
+        let mut names = NamesOfFolders::default();
+        // \[folder of smaller pictures\] pictures that it lacks, and all.
+        let mut lacking: BTreeMap<PathBuf, [usize; 2]> = BTreeMap::new();
+        for shot in self.shots.iter_mut().chain(self.depth_maps.iter_mut().map(|map| &mut map.shot)) {
+            shot.find_picture(folder, &mut names, &mut lacking);
+        }
+        for (smaller, [missing, all]) in lacking.into_iter().filter(|(_, [missing, _])| *missing > 0) {
+            let what = format!("it lacks {missing} of {all} pictures, of which the photographs are used");
+            self.tell(Standing::Unused, relative_to(folder, &smaller), missing, what);
+        }
+        let mut counts: HashMap<String, BTreeMap<String, usize>> = HashMap::new();
+        for shot in &self.shots {
+            *counts.entry(shot.name.clone()).or_default().entry(shot.path.clone()).or_default() += 1;
+        }
+        for shot in &mut self.shots {
+            if counts[&shot.name].len() > 1 {
+                // Names name files elsewhere, so they have no folders.
+                shot.name = files::without_ending(Path::new(&shot.path)).to_string_lossy().replace('/', "_");
+            }
+        }
+        let repeated: BTreeMap<String, usize> =
+            counts.into_values().flatten().filter(|(_, count)| *count > 1).collect();
+        if let Some((path, count)) = repeated.first_key_value() {
+            let more =
+                if repeated.len() > 1 { format!("; {} pictures have several", repeated.len()) } else { String::new() };
+            self.tell(
+                Standing::Doubtful,
+                path.clone(),
+                repeated.len(),
+                format!("it has {count} poses, all used{more}"),
+            );
         }
     }
 
@@ -102,10 +176,15 @@ impl Capture {
             let path = self.listing.clone();
             return Err(match self.left_out.first() {
                 Some(picture) => {
-                    let count = self.left_out.len();
-                    Error::MissingPictures { path, picture: picture.clone(), count, of: count + self.shots.len() }
+                    let (count, picture) = (self.left_out.len(), picture.clone());
+                    let instead = NamesOfFolders::default().instead_of(&picture);
+                    Error::MissingPictures { path, picture, instead, count, of: count + self.shots.len() }
                 }
-                None => Error::NoFrames { path, lost: self.lost },
+                None if self.shots.is_empty() => Error::NoFrames { path, lost: self.lost },
+                None => {
+                    let others = self.shots.len();
+                    Error::EmptySplit { path, split: name.into(), others, is_held_out: !has_splits }
+                }
             });
         }
         Ok(chosen)
@@ -114,33 +193,71 @@ impl Capture {
     /// The photographs ascending by name, and whether each is a test view.
     fn held_out(&self, holdout: &Holdout) -> Result<Vec<(&Shot, bool)>, Error> {
         let mut shots: Vec<&Shot> = self.shots.iter().collect();
-        shots.sort_by(|a, b| a.picture.cmp(&b.picture));
+        shots.sort_by(|a, b| Path::new(&a.path).cmp(Path::new(&b.path)));
         let Some(list) = &holdout.names else {
             let is_out = |n: usize| holdout.every > 0 && n.is_multiple_of(holdout.every);
             return Ok(shots.into_iter().enumerate().map(|(n, shot)| (shot, is_out(n))).collect());
         };
         let text = files::read_listing(list)?;
-        let wanted: Vec<PathBuf> = (text.lines().map(str::trim).filter(|line| !line.is_empty()))
-            .map(|line| files::without_ending(Path::new(&line.replace('\\', "/"))))
-            .collect();
-        let mut is_found = vec![false; wanted.len()];
-        let mut held_out = Vec::with_capacity(shots.len());
-        for shot in shots {
-            let picture = files::without_ending(&shot.picture);
-            let mut is_out = false;
-            for (name, is_found) in wanted.iter().zip(&mut is_found) {
-                if picture.ends_with(name) {
-                    (is_out, *is_found) = (true, true);
-                }
+        let paths: Vec<&str> = shots.iter().map(|shot| shot.path.as_str()).collect();
+        let mut held_out = vec![false; shots.len()];
+        for line in text.lines().map(str::trim).filter(|line| !line.is_empty()) {
+            let found = meant_by(line, &paths);
+            let path = found.first().map(|&n| paths[n]);
+            if path.is_none() || found.iter().any(|&n| Some(paths[n]) != path) {
+                let name = files::without_ending(Path::new(&line.replace('\\', "/")));
+                let place = format!("the name {:?}", name.display().to_string());
+                let several = || format!("those of {}", found.iter().map(|&n| paths[n]).collect::<Vec<_>>().join(", "));
+                let found = if path.is_none() { "no such photograph".into() } else { several() };
+                return Err(Error::text(list, place, "that of a photograph", found));
             }
-            held_out.push((shot, is_out));
+            found.into_iter().for_each(|n| held_out[n] = true);
         }
-        match is_found.iter().position(|found| !found) {
-            Some(n) => {
-                let place = format!("the name {:?}", wanted[n].display().to_string());
-                Err(Error::text(list, place, "that of a photograph", "no such photograph"))
+        Ok(shots.into_iter().zip(held_out).collect())
+    }
+}
+
+/// The `paths` that `name` means: that path itself, else those that end in its folders and name, with or without an ending;
+/// exactly, else without regard to case and normal form.
+pub(super) fn meant_by(name: &str, paths: &[&str]) -> Vec<usize> {
+    let name = name.replace('\\', "/");
+    let name = name.trim_start_matches("./");
+    let is_end = |path: &str, name: &str| {
+        let without = |path: &str| files::without_ending(Path::new(path));
+        without(path).ends_with(without(name))
+    };
+    let by = |is_meant: &dyn Fn(&str) -> bool| -> Vec<usize> {
+        paths.iter().enumerate().filter(|(_, path)| is_meant(path)).map(|(n, _)| n).collect()
+    };
+    let lower = normal(name);
+    let rules: [&dyn Fn(&str) -> bool; 5] = [
+        &|path| path == name,
+        &|path| files::without_ending(Path::new(path)) == files::without_ending(Path::new(name)),
+        &|path| is_end(path, name),
+        &|path| normal(path) == lower,
+        &|path| is_end(&normal(path), &lower),
+    ];
+    rules.iter().map(|rule| by(*rule)).find(|found| !found.is_empty()).unwrap_or_default()
+}
+
+impl Shot {
+    /// Looks for the picture in `folder`; `lacking` counts, by folder of smaller pictures, those that it lacks, and all.
+    fn find_picture(&mut self, folder: &Path, names: &mut NamesOfFolders, lacking: &mut BTreeMap<PathBuf, [usize; 2]>) {
+        let mut find = |picture: &Path| match picture.strip_prefix(folder) {
+            Ok(relative) => names.find(folder, relative),
+            Err(_) => picture.is_file().then(|| picture.to_path_buf()),
+        };
+        let full = find(&self.picture);
+        self.path = relative_to(folder, full.as_ref().unwrap_or(&self.picture));
+        if let Some((smaller, factor)) = &self.smaller {
+            let found = find(smaller);
+            let counts = lacking.entry(smaller.parent().unwrap_or(folder).to_path_buf()).or_default();
+            *counts = [counts[0] + usize::from(found.is_none() && full.is_some()), counts[1] + 1];
+            if let Some(smaller) = found {
+                (self.picture, self.reduced) = (smaller, *factor);
+                return;
             }
-            None => Ok(held_out),
         }
+        self.picture = full.unwrap_or_else(|| self.picture.clone());
     }
 }

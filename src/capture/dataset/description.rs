@@ -3,8 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use super::capture::Capture;
+use super::inventory_entry::{InventoryEntry, Standing, relative_to};
+use super::names::NamesOfFolders;
 use super::shot::Split;
-use super::{Error, Layout, LoadOptions, NamedCamera, files, photographs};
+use super::{Error, Inventory, Layout, LoadOptions, NamedCamera, files, masks, photographs};
+use strivec_format::digits::plural;
 use strivec_format::geometry::Aabb;
 
 /// A dataset without its pictures.
@@ -26,6 +29,8 @@ pub struct Description {
     pub points: Option<PathBuf>,
     /// The scene's box in the dataset's space, if its files have one.
     pub bounds: Option<Aabb>,
+    /// What of the folder is used, and what is not.
+    pub inventory: Inventory,
 }
 
 /// The dataset in `folder` as it would be loaded, whether or not its pictures exist.
@@ -36,23 +41,39 @@ pub struct Description {
 pub fn describe(folder: &Path, options: &LoadOptions) -> Result<Description, Error> {
     let layout = options.layout.map_or_else(|| Layout::of(folder), Ok)?;
     let options = LoadOptions { layout: Some(layout), ..options.clone() };
-    let capture = photographs::capture(folder, "all", &options)?;
-    let mut splits = Vec::new();
+    let mut capture = photographs::capture(folder, "all", &options)?;
+    let mut names = Vec::new();
     for name in Split::ALL.map(Split::name) {
         match capture.split(name, &options.holdout) {
-            Err(Error::Split { .. } | Error::NoFrames { .. } | Error::MissingPictures { .. }) => continue,
+            Err(
+                Error::Split { .. } | Error::EmptySplit { .. } | Error::NoFrames { .. } | Error::MissingPictures { .. },
+            ) => continue,
             // Test views that are the validation views are counted once.
             Ok(shots) if name == "test" && shots[0].split == Some(Split::Validation) => continue,
             found => found?,
         };
-        splits.push((name, photographs::cameras(&capture, name, None, &options)?));
+        names.push(name);
     }
+    let (splits, mut entries) = photographs::described(&capture, &names, folder, &options)?;
     if splits.is_empty() {
         capture.split("all", &options.holdout)?;
     }
     let masks = capture.shots.iter().filter(|shot| shot.mask.is_some()).count();
+    if let Some(mask) = capture.shots.iter().find_map(|shot| shot.mask.as_ref())
+        && masks::is_black(mask).unwrap_or(false)
+    {
+        let what = "the first mask is black alone: nothing of its photograph counts";
+        entries.push(InventoryEntry::new(Standing::Doubtful, relative_to(folder, mask), 1, what));
+    }
     let absent = capture.shots.iter().map(|shot| &shot.picture).filter(|picture| !picture.is_file());
-    let missing = capture.left_out.iter().chain(absent).cloned().collect();
+    let missing: Vec<PathBuf> = capture.left_out.iter().chain(absent).cloned().collect();
+    if let Some(first) = missing.first() {
+        let instead = NamesOfFolders::default().instead_of(first);
+        let what = format!("{} not there, the first of them, {instead}", plural(missing.len(), "picture"));
+        entries.push(InventoryEntry::new(Standing::Absent, relative_to(folder, first), missing.len(), what));
+    }
+    capture.entries.append(&mut entries);
+    let inventory = Inventory::of(folder, layout, &capture, options.downscale);
     let Capture { lost, points, bounds, .. } = capture;
-    Ok(Description { name: files::name_of(folder), layout, splits, masks, lost, missing, points, bounds })
+    Ok(Description { name: files::name_of(folder), layout, splits, masks, lost, missing, points, bounds, inventory })
 }

@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::picture_format::READ_FORMATS;
+use strivec_format::digits::plural;
 use strivec_format::{Invalid, OptionName, Place};
 use strivec_import::{Fault, ImportError};
 
@@ -37,7 +38,7 @@ pub enum Error {
     },
     /// Photographs whose pictures do not exist.
     #[error(
-        "{}: {count} of {of} pictures do not exist, the first is {}; {} leaves them out",
+        "{}: {count} of {of} pictures do not exist, the first is {}, {instead}; {} leaves them out",
         path.display(), picture.display(), OptionName("skip_missing")
     )]
     MissingPictures {
@@ -45,10 +46,39 @@ pub enum Error {
         path: PathBuf,
         /// The first picture's path.
         picture: PathBuf,
+        /// What is there instead of the first: the rest of a sentence.
+        instead: String,
         /// Number of pictures that do not exist.
         count: usize,
         /// Number of photographs.
         of: usize,
+    },
+    /// Too many records that are not valid, each of which could be left out alone.
+    #[error("{first}; {count} of {total} are such, of which at most {limit} {} left out", if *limit == 1 { "is" } else { "are" })]
+    BadRecords {
+        /// The error of the first.
+        first: Box<Error>,
+        /// Number of invalid records.
+        count: usize,
+        /// Number of records.
+        total: usize,
+        /// The most that are left out.
+        limit: usize,
+    },
+    /// A split without photographs in a dataset that has some.
+    #[error(
+        "{}: the split {split} has no photograph: {} with a pose, all in other splits{}",
+        path.display(), plural(*others, "photograph"), if *is_held_out { held_out() } else { String::new() }
+    )]
+    EmptySplit {
+        /// The file or folder that lists the photographs.
+        path: PathBuf,
+        /// The split.
+        split: String,
+        /// Number of photographs with a pose.
+        others: usize,
+        /// True if the test views are chosen by their number, not by the dataset.
+        is_held_out: bool,
     },
     /// A file that is not JSON, or JSON of another layout. The source names line and column.
     #[error("{}: not the JSON of a dataset: {source}", path.display())]
@@ -220,11 +250,39 @@ impl Error {
             | Self::PictureFormat { .. }
             | Self::PictureSize { .. }
             | Self::Layout { .. }
+            | Self::EmptySplit { .. }
+            | Self::BadRecords { .. }
             | Self::Text { .. } => ErrorKind::Malformed,
             Self::Downscale { .. } | Self::NotAFolder { .. } | Self::Split { .. } | Self::Views { .. } => {
                 ErrorKind::Argument
             }
             Self::TooLarge { .. } | Self::Memory { .. } | Self::DecodingMemory { .. } => ErrorKind::Limit,
+        }
+    }
+
+    /// The file or folder in which the error is.
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::BadRecords { first, .. } => first.path(),
+            Self::Read { path, .. }
+            | Self::MissingPictures { path, .. }
+            | Self::EmptySplit { path, .. }
+            | Self::Json { path, .. }
+            | Self::NoFrames { path, .. }
+            | Self::Layout { path, .. }
+            | Self::NotAFolder { path }
+            | Self::MissingSplit { path, .. }
+            | Self::Split { path, .. }
+            | Self::Text { path, .. }
+            | Self::UnknownSize { path }
+            | Self::Picture { path, .. }
+            | Self::PictureFormat { path, .. }
+            | Self::PictureSize { path, .. }
+            | Self::TooLarge { path, .. }
+            | Self::Memory { path, .. }
+            | Self::DecodingMemory { path, .. }
+            | Self::Downscale { path, .. }
+            | Self::Views { path, .. } => path,
         }
     }
 
@@ -253,6 +311,11 @@ impl Error {
         let path = path.to_path_buf();
         move |source| Self::Read { path, source }
     }
+}
+
+/// How to train on the photographs that are test views by their number.
+fn held_out() -> String {
+    format!("; {} 0 holds none out", OptionName("test_every"))
 }
 
 /// `lost` frames in words.

@@ -1,5 +1,6 @@
 //! Files of a dataset: read within limits, and looked for by name.
 
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io;
 use std::io::Read;
@@ -11,6 +12,8 @@ use super::Error;
 const MAX_FILE_BYTES: u64 = 512 << 20;
 /// The most bytes of a file of a few numbers.
 const MAX_TEXT_BYTES: u64 = 1 << 20;
+/// The bytes before a text in UTF-8 that some programs write.
+pub const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 /// Endings of pictures, in lower case.
 pub const PICTURES: [&str; 7] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp"];
 
@@ -47,7 +50,10 @@ pub fn read_text(path: &Path) -> Result<String, Error> {
     text(path, read_at_most(path, MAX_TEXT_BYTES)?)
 }
 
-fn text(path: &Path, bytes: Vec<u8>) -> Result<String, Error> {
+fn text(path: &Path, mut bytes: Vec<u8>) -> Result<String, Error> {
+    if bytes.starts_with(BYTE_ORDER_MARK) {
+        bytes.drain(..BYTE_ORDER_MARK.len());
+    }
     String::from_utf8(bytes).map_err(|error| {
         let place = format!("byte {}", error.utf8_error().valid_up_to());
         Error::text(path, place, "UTF-8 text", "other bytes")
@@ -66,6 +72,11 @@ pub fn inside(path: &str) -> Option<PathBuf> {
         }
     }
     (!inside.as_os_str().is_empty()).then_some(inside)
+}
+
+/// True for names that begin with a dot, as those that macOS leaves beside pictures (`._a.png`).
+pub fn is_hidden(name: &OsStr) -> bool {
+    name.as_encoded_bytes().starts_with(b".")
 }
 
 /// True if the name of `path` ends as a picture's.
@@ -89,12 +100,12 @@ pub fn with_ending(path: &Path) -> PathBuf {
     PICTURES.iter().map(|ending| with(ending)).find(|path| path.is_file()).unwrap_or_else(|| with(PICTURES[0]))
 }
 
-/// The pictures in `folder`, ascending by name.
+/// The pictures in `folder` but hidden ones, ascending by name.
 pub fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     let mut pictures = Vec::new();
     for entry in fs::read_dir(folder).map_err(Error::read(folder))? {
         let path = entry.map_err(Error::read(folder))?.path();
-        if is_picture(&path) {
+        if is_picture(&path) && !path.file_name().is_some_and(is_hidden) {
             pictures.push(path);
         }
     }
@@ -102,12 +113,11 @@ pub fn pictures_in(folder: &Path) -> Result<Vec<PathBuf>, Error> {
     Ok(pictures)
 }
 
-/// The folder of pictures `folder`, or that of the same pictures made `downscale` times smaller, named `FOLDER_N`, if there
-/// is one; and how many times smaller its pictures are.
-pub fn reduced(folder: &Path, downscale: u32) -> (PathBuf, u32) {
+/// The folder of the pictures of `folder` made `downscale` times smaller, named `FOLDER_N`, if there is one.
+pub fn smaller(folder: &Path, downscale: u32) -> Option<PathBuf> {
     let mut smaller = folder.to_path_buf();
     smaller.as_mut_os_string().push(format!("_{downscale}"));
-    if downscale > 1 && smaller.is_dir() { (smaller, downscale) } else { (folder.to_path_buf(), 1) }
+    (downscale > 1 && smaller.is_dir()).then_some(smaller)
 }
 
 /// The last component of `folder`, also where it is written as `.` or ends in `..`.
@@ -139,8 +149,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let images = folder.path().join("images");
         fs::create_dir(folder.path().join("images_4")).unwrap();
-        assert_eq!(reduced(&images, 4), (folder.path().join("images_4"), 4));
-        assert_eq!(reduced(&images, 2), (images.clone(), 1));
-        assert_eq!(reduced(&images, 1), (images, 1));
+        assert_eq!(smaller(&images, 4), Some(folder.path().join("images_4")));
+        assert_eq!([smaller(&images, 2), smaller(&images, 1)], [None, None]);
     }
 }

@@ -80,22 +80,24 @@ impl Layout {
         })
     }
 
-    /// The dataset in `folder`, as far as the split `split` needs it.
+    /// The dataset in `folder`, as far as the split `split` needs it, with the files of its pictures.
     pub(super) fn read(self, folder: &Path, split: &str, downscale: u32) -> Result<Capture, Error> {
+        let mut capture = self.listed(folder, split, downscale)?;
+        capture.find_pictures(folder);
+        if self == Self::Transforms {
+            // Instant-NGP leaves them out, too, and its own examples lack some.
+            capture.leave_out_missing();
+        }
+        Ok(capture)
+    }
+
+    /// The dataset in `folder` by its files alone.
+    fn listed(self, folder: &Path, split: &str, downscale: u32) -> Result<Capture, Error> {
         let not_found = || Self::not_found(folder, &[self]);
         match self {
             Self::Blender => blender(folder, split, downscale),
-            Self::Transforms => {
-                let mut capture = transforms::read(&folder.join("transforms.json"), None, downscale)?;
-                // Instant-NGP leaves them out, too, and its own examples lack some.
-                capture.leave_out_missing();
-                Ok(capture)
-            }
-            Self::Colmap => {
-                let project = colmap::Project::find(folder).ok_or_else(not_found)?;
-                let shots = project.shots(folder, downscale)?;
-                Ok(Capture { points: project.points(), ..Capture::new(&project.model, shots) })
-            }
+            Self::Transforms => transforms::read(&folder.join("transforms.json"), None, downscale),
+            Self::Colmap => colmap::Project::find(folder).ok_or_else(not_found)?.read(folder, downscale),
             Self::Nsvf => nsvf::read(folder),
             Self::Llff => llff::read(folder, downscale),
             Self::Metashape => metashape::read(folder, downscale),
@@ -110,25 +112,34 @@ fn blender(folder: &Path, split: &str, downscale: u32) -> Result<Capture, Error>
     let json = |split: &str| -> PathBuf { folder.join(format!("transforms_{split}.json")) };
     let is_all = split == "all";
     let wanted: Vec<&str> = match split {
+        // Files such as `transforms_backup.json` beside those of the three splits are copies.
+        "all" if splits.iter().any(|split| split == "train") => {
+            let known = splits.iter().filter(|name| Split::ALL.iter().any(|split| split.name() == name.as_str()));
+            known.map(String::as_str).collect()
+        }
         "all" => splits.iter().map(String::as_str).collect(),
         split => vec![split],
     };
-    let mut shots = Vec::new();
+    let mut capture = Capture::new(&if is_all { folder.to_path_buf() } else { json(split) }, Vec::new());
     for name in wanted {
         if !json(name).is_file() {
             return Err(Error::MissingSplit { path: json(name), splits });
         }
         // Other splits than these are part of `all` only.
         let of_name = Split::ALL.into_iter().find(|split| split.name() == name);
-        shots.extend(transforms::read(&json(name), of_name, downscale)?.shots);
+        let Capture { shots, lost, entries, .. } = transforms::read(&json(name), of_name, downscale)?;
+        capture.shots.extend(shots);
+        capture.entries.extend(entries);
+        capture.lost += lost;
+        capture.inputs.push(json(name));
     }
-    Ok(Capture::new(&if is_all { folder.to_path_buf() } else { json(split) }, shots))
+    Ok(capture)
 }
 
 /// The nearest to a layout that `folder`, which has none, comes: a part of its files, or pictures without poses.
 fn found_in(folder: &Path) -> String {
     let mut candidates: Vec<(Layout, Vec<String>)> =
-        colmap::Project::candidates().map(|(_, _, files)| (Layout::Colmap, files.into())).collect();
+        colmap::Project::places().map(|files| (Layout::Colmap, files.into())).collect();
     candidates.push((Layout::Nsvf, nsvf::PARTS.map(str::to_owned).into()));
     candidates.push((Layout::ScanNet, scannet::PARTS.map(str::to_owned).into()));
     let split = |files: Vec<String>| files.into_iter().partition::<Vec<_>, _>(|file| folder.join(file).exists());
@@ -138,9 +149,23 @@ fn found_in(folder: &Path) -> String {
     {
         return format!("{} of {} without {}", present.join(" and "), layout.name(), absent.join(" and "));
     }
+    if let Some((layout, inner)) = dataset_below(folder) {
+        return format!("the layout {} in its folder {inner}, which is the folder to pass", layout.name());
+    }
     let pictures = [folder.to_path_buf(), folder.join("images")].map(|folder| files::pictures_in(&folder));
     match pictures.into_iter().flatten().map(|pictures| pictures.len()).max() {
         None | Some(0) => "neither files of a layout nor pictures".into(),
         Some(count) => format!("{count} pictures without poses, which `strivec pose` estimates"),
     }
+}
+
+/// The layout of the first folder in `folder` that has one, and the folder's name.
+fn dataset_below(folder: &Path) -> Option<(Layout, String)> {
+    let entries = std::fs::read_dir(folder).ok()?.flatten();
+    let mut below: Vec<_> = entries.map(|entry| entry.path()).filter(|path| path.is_dir()).collect();
+    below.sort();
+    below.into_iter().find_map(|inner| {
+        let layout = Layout::ALL.into_iter().find(|layout| layout.is_in(&inner).is_ok_and(|is_in| is_in))?;
+        Some((layout, inner.file_name()?.to_string_lossy().into_owned()))
+    })
 }

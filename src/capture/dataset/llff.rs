@@ -8,6 +8,7 @@ use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 use super::capture::Capture;
+use super::records::BadRecords;
 use super::shot::{Focal, Intrinsics, Shot};
 use super::{Error, files};
 use strivec_format::geometry::{Lens, NotRigid, rigid};
@@ -20,39 +21,67 @@ const ROW: usize = 17;
 /// The most photographs.
 const MAX_ROWS: u64 = 1 << 20;
 
-/// The photographs in `folder`, ascending by name; those in `images_N` if there is such a folder for `downscale` N.
+/// The photographs in `folder`, ascending by name; those in `images_N` if there is such a folder for `downscale` N, with as
+/// many pictures.
 pub(super) fn read(folder: &Path, downscale: u32) -> Result<Capture, Error> {
     let path = folder.join(POSES);
     let rows = rows_of(&path)?;
-    let (images, reduced) = files::reduced(&folder.join("images"), downscale);
-    if !images.is_dir() {
-        let expected = format!("a folder with a picture for each of the {} poses in {POSES}", rows.len());
+    let images = folder.join("images");
+    let smaller = files::smaller(&images, downscale);
+    let count = rows.len();
+    if !images.is_dir() && smaller.is_none() {
+        let expected = format!("a folder with a picture for each of the {count} poses in {POSES}");
         return Err(Error::text(folder, "images", expected, "no such folder"));
     }
-    let pictures = files::pictures_in(&images)?;
-    if pictures.len() != rows.len() {
+    // LLFF names smaller pictures by their numbers, so both are in the order of their names.
+    let smaller_pictures = smaller.as_deref().map(files::pictures_in).transpose()?.filter(|found| found.len() == count);
+    let pictures = match &smaller_pictures {
+        Some(pictures) if !images.is_dir() => pictures.clone(),
+        _ => files::pictures_in(&images)?,
+    };
+    if pictures.len() != count {
         let expected = format!("a pose for each of the {} pictures in {}", pictures.len(), images.display());
-        return Err(Error::text(&path, "poses", expected, rows.len().to_string()));
+        return Err(Error::text(&path, "poses", expected, count.to_string()));
     }
-    let shots = (rows.iter().zip(pictures).enumerate())
-        .map(|(n, (row, picture))| shot(&path, n, row, picture, reduced))
-        .collect::<Result<Vec<_>, _>>()?;
-    Ok(Capture::new(&path, shots))
+    let (mut capture, mut bad) = (Capture::new(&path, Vec::new()), BadRecords::default());
+    for (n, (row, picture)) in rows.iter().zip(pictures).enumerate() {
+        let smaller = smaller_pictures.as_ref().map(|pictures| (pictures[n].clone(), downscale));
+        let shot = shot(&path, n, row, picture, smaller);
+        if row[..15].iter().all(|value| value.is_finite()) {
+            capture.shots.push(shot?);
+        } else {
+            bad.keep(shot);
+        }
+    }
+    let bad = bad.tolerated(count)?;
+    capture.lost = bad.len();
+    capture.tell_bad(POSES.into(), &bad, count, "poses");
+    Ok(capture)
 }
 
 fn rows_of(path: &Path) -> Result<Vec<[f64; ROW]>, Error> {
     let mut input = BufReader::new(File::open(path).map_err(Error::read(path))?);
     let malformed = |found: String| Error::text(path, "the array", "[photographs][17] floats", found);
     let header = Header::read(&mut input).map_err(|e| malformed(e.to_string()))?;
-    match header.shape[..] {
-        [rows, 17] if (1..=MAX_ROWS).contains(&rows) && !header.fortran_order => {}
+    let count = match header.shape[..] {
+        [rows, 17] if (1..=MAX_ROWS).contains(&rows) => rows as usize,
         _ => return Err(malformed(format!("the shape {:?}", header.shape))),
-    }
+    };
     let numbers = header.numbers(&mut input).map_err(|e| malformed(e.to_string()))?;
+    if header.fortran_order {
+        // [17][photographs]
+        return Ok((0..count).map(|row| std::array::from_fn(|column| numbers[column * count + row])).collect());
+    }
     Ok(numbers.as_chunks().0.to_vec())
 }
 
-fn shot(path: &Path, n: usize, row: &[f64; ROW], picture: PathBuf, reduced: u32) -> Result<Shot, Error> {
+fn shot(
+    path: &Path,
+    n: usize,
+    row: &[f64; ROW],
+    picture: PathBuf,
+    smaller: Option<(PathBuf, u32)>,
+) -> Result<Shot, Error> {
     let place = format!("pose {n}");
     let matrix: [&[f64; 5]; 3] = [0, 1, 2].map(|r| row[5 * r..].first_chunk().expect("a row of five"));
     let [height, width, focal] = matrix.map(|r| r[4]);
@@ -71,5 +100,16 @@ fn shot(path: &Path, n: usize, row: &[f64; ROW], picture: PathBuf, reduced: u32)
     };
     intrinsics.check(path, &place)?;
     let name = picture.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    Ok(Shot { name, picture, reduced, mask: None, intrinsics, world_from_camera, position, split: None })
+    Ok(Shot {
+        name,
+        path: String::new(),
+        picture,
+        smaller,
+        reduced: 1,
+        mask: None,
+        intrinsics,
+        world_from_camera,
+        position,
+        split: None,
+    })
 }

@@ -11,6 +11,8 @@ use std::path::Path;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::capture::Capture;
+use super::inventory_entry::Standing;
+use super::records::BadRecords;
 use super::shot::{Focal, Intrinsics, OPENGL_FROM_OPENCV, Shot, extent};
 use super::{Error, files};
 use strivec_format::geometry::{Distortion, Lens, NotRigid, Projection, rigid};
@@ -24,6 +26,13 @@ const MAX_NODES: u32 = 1 << 24;
 const MAX_ATTRIBUTES: usize = 1 << 10;
 /// The types of sensors that are read.
 const TYPES: &str = "frame, fisheye or spherical";
+
+/// Coefficients that bend rays in a way that is not supported.
+const UNSUPPORTED: [(&str, &str); 3] = [
+    ("b2", "0, as skew is not supported"),
+    ("p3", "0, as a growing tangential distortion is not supported"),
+    ("p4", "0, as a growing tangential distortion is not supported"),
+];
 
 /// The photographs in `folder`, ascending by name; those in `images_N` if there is such a folder for `downscale` N.
 pub(super) fn read(folder: &Path, downscale: u32) -> Result<Capture, Error> {
@@ -43,17 +52,31 @@ pub(super) fn read(folder: &Path, downscale: u32) -> Result<Capture, Error> {
     let cameras: Vec<Node<'_, '_>> =
         file.child(chunk, "cameras")?.descendants().filter(|node| node.has_tag_name("camera")).collect();
     let component = largest_component(&cameras);
-    let (images, reduced) = files::reduced(&folder.join("images"), downscale);
-    let mut capture = Capture::new(&path, Vec::new());
+    let images = folder.join("images");
+    let smaller = files::smaller(&images, downscale);
+    let (mut capture, mut bad) = (Capture::new(&path, Vec::new()), BadRecords::default());
+    file.tell(document.root_element(), &cameras, component, &mut capture);
+    let mut aligned = 0;
     for camera in cameras.into_iter().filter(|camera| camera.attribute("enabled") != Some("false")) {
         match camera.children().find(|node| node.has_tag_name("transform")) {
             Some(pose) if camera.attribute("component_id") == component => {
                 let sensor = sensors.get_mut(file.attribute(camera, "sensor_id")?);
-                capture.shots.push(file.shot(camera, pose, sensor, (&images, reduced))?);
+                aligned += 1;
+                let shot = file.shot(camera, pose, sensor, (&images, smaller.as_deref(), downscale));
+                let numbers = pose.text().unwrap_or_default().split_whitespace().filter_map(|word| word.parse().ok());
+                if numbers.into_iter().all(f64::is_finite) {
+                    capture.shots.push(shot?);
+                } else {
+                    bad.keep(shot);
+                }
             }
             _ => capture.lost += 1,
         }
     }
+    let bad = bad.tolerated(aligned)?;
+    capture.lost += bad.len();
+    capture.tell_bad(CAMERAS.into(), &bad, aligned, "poses");
+    capture.leave_out_repeated(folder);
     capture.shots.sort_by(|a, b| a.picture.cmp(&b.picture));
     Ok(capture)
 }
@@ -96,6 +119,24 @@ struct CamerasFile<'a> {
 }
 
 impl CamerasFile<'_> {
+    /// Tells what else is in the file: further chunks, components without a common space, cameras that are turned off.
+    fn tell(&self, root: Node<'_, '_>, cameras: &[Node<'_, '_>], component: Option<&str>, capture: &mut Capture) {
+        let is_off = |camera: &&Node<'_, '_>| camera.attribute("enabled") == Some("false");
+        let is_apart = |camera: &&Node<'_, '_>| {
+            let has_pose = camera.children().any(|node| node.has_tag_name("transform"));
+            !is_off(camera) && has_pose && camera.attribute("component_id") != component
+        };
+        for (count, what) in [
+            (root.children().filter(|node| node.has_tag_name("chunk")).count().saturating_sub(1), "further chunks"),
+            (cameras.iter().filter(is_off).count(), "cameras that are not enabled"),
+            (cameras.iter().filter(is_apart).count(), "cameras of smaller components, which have no common space"),
+        ] {
+            if count > 0 {
+                capture.tell(Standing::Unused, CAMERAS, count, format!("{count} {what}"));
+            }
+        }
+    }
+
     fn child<'a, 'i>(&self, node: Node<'a, 'i>, name: &str) -> Result<Node<'a, 'i>, Error> {
         let place = || node.tag_name().name().to_owned();
         let found = node.children().find(|child| child.has_tag_name(name));
@@ -123,7 +164,7 @@ impl CamerasFile<'_> {
         camera: Node<'_, '_>,
         pose: Node<'_, '_>,
         sensor: Option<&mut Sensor<'_, '_>>,
-        (images, reduced): (&Path, u32),
+        (images, smaller, downscale): (&Path, Option<&Path>, u32),
     ) -> Result<Shot, Error> {
         let refuse = |what: &str, expected: &str, found: String| {
             Error::text(self.path, format!("{}: {what}", self.place(camera)), expected, found)
@@ -132,6 +173,7 @@ impl CamerasFile<'_> {
         let label = self.attribute(camera, "label")?;
         let picture = files::inside(label)
             .ok_or_else(|| refuse("label", "the name of a picture in images", format!("{label:?}")))?;
+        let smaller = smaller.map(|smaller| (smaller.join(&picture), downscale));
         let picture = images.join(picture);
         let picture = if files::is_picture(&picture) { picture } else { files::with_ending(&picture) };
         let mut rows = [[0.0; 4]; 4];
@@ -150,7 +192,18 @@ impl CamerasFile<'_> {
             None => *sensor.intrinsics.insert(self.intrinsics(sensor.node)?),
         };
         let world_from_camera = rotation * OPENGL_FROM_OPENCV;
-        Ok(Shot { name, picture, reduced, mask: None, intrinsics, world_from_camera, position, split: None })
+        Ok(Shot {
+            name,
+            path: String::new(),
+            picture,
+            smaller,
+            reduced: 1,
+            mask: None,
+            intrinsics,
+            world_from_camera,
+            position,
+            split: None,
+        })
     }
 
     /// The intrinsics of `sensor`, by its adjusted calibration if it has one.
@@ -180,14 +233,11 @@ impl CamerasFile<'_> {
             Some(node) => self.number(sensor, name, node.text().unwrap_or_default()),
             None => Ok(0.0),
         };
-        let skew = value("b2")?;
-        if skew != 0.0 {
-            return Err(Error::text(
-                self.path,
-                format!("{place}: b2"),
-                "0, as skew is not supported",
-                skew.to_string(),
-            ));
+        for (key, expected) in UNSUPPORTED {
+            let found = value(key)?;
+            if found != 0.0 {
+                return Err(Error::text(self.path, format!("{place}: {key}"), expected, found.to_string()));
+            }
         }
         let (f, radial) = (value("f")?, [value("k1")?, value("k2")?, value("k3")?, value("k4")?]);
         let distortion = Distortion::new(radial, [0.0; 3], [value("p2")?, value("p1")?], [0.0; 2]);

@@ -3,6 +3,7 @@
 //! In: an untrusted folder of pictures with their camera poses. Out: cameras and colors in the dataset's own space. The
 //! caller maps that space to the model's.
 
+mod camera_groups;
 mod capture;
 mod colmap;
 mod decoding_memory;
@@ -11,24 +12,34 @@ mod description;
 mod error;
 #[doc(hidden)]
 pub mod files;
+mod inventory;
+mod inventory_entry;
 mod jpeg;
+mod json_number;
 mod layout;
 mod llff;
+mod masks;
 mod metashape;
+mod names;
 mod nsvf;
+mod other_keys;
 mod photographs;
 mod picture;
 mod picture_format;
 mod pixels;
+mod records;
 mod scan;
 mod scannet;
 mod shot;
 mod transforms;
 
+pub use camera_groups::{CameraGroup, group_cameras};
 pub use capture::Holdout;
 pub use depth::DepthMap;
 pub use description::{Description, describe};
 pub use error::{Error, ErrorKind};
+pub use inventory::{Inventory, MAX_LINES};
+pub use inventory_entry::{InventoryEntry, Standing};
 pub use layout::Layout;
 pub use photographs::{fitting_downscale, load, load_cameras, load_transforms_cameras, read_distances};
 pub use pixels::Pixels;
@@ -59,6 +70,8 @@ pub struct Dataset {
     pub lost: usize,
     /// The pictures that do not exist and that the options, or the layout, leave out.
     pub left_out: Vec<PathBuf>,
+    /// The errors of the few pictures that cannot be decoded and are left out.
+    pub unreadable: Vec<String>,
     /// A file of points on the scene's surfaces, in the dataset's space, such as COLMAP's sparse points.
     pub points: Option<PathBuf>,
     /// The scene's box in the dataset's space, if its files have one.
@@ -75,6 +88,7 @@ impl Dataset {
             views,
             lost: 0,
             left_out: Vec::new(),
+            unreadable: Vec::new(),
             points: None,
             bounds: None,
             depth_maps: Vec::new(),
@@ -85,8 +99,10 @@ impl Dataset {
 /// One photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Photograph {
-    /// The file name without folder and extension, as in `r_0`.
+    /// The file name without folder and extension, as in `r_0`, or with folders if another photograph has this name.
     pub name: String,
+    /// The path of its file in the dataset's folder, with `/` between folders: what it is known by.
+    pub path: String,
     /// The camera, of the picture's size.
     pub camera: Camera,
     /// The colors of the picture.
@@ -100,9 +116,10 @@ pub struct Photograph {
 }
 
 impl Photograph {
-    /// A view all of whose pixels count.
+    /// A view all of whose pixels count, whose path is its name.
     pub fn new(name: impl Into<String>, camera: Camera, pixels: Pixels) -> Self {
-        Self { name: name.into(), camera, pixels, mask: None, distances: Vec::new() }
+        let name = name.into();
+        Self { path: name.clone(), name, camera, pixels, mask: None, distances: Vec::new() }
     }
 
     /// The numbers of the pixels that count, ascending; `None` if all do.
@@ -120,8 +137,10 @@ impl Photograph {
 /// A camera without its photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedCamera {
-    /// The file name without folder and extension, as in `r_0`.
+    /// The file name without folder and extension, as in `r_0`, or with folders if another photograph has this name.
     pub name: String,
+    /// The path of its photograph in the dataset's folder, with `/` between folders.
+    pub path: String,
     /// The camera, of its picture's size.
     pub camera: Camera,
 }

@@ -3,15 +3,17 @@
 //! Poses are row-major `world_from_camera` matrices in OpenCV's axes. Names begin with `0_` for training, `1_` for
 //! validation and `2_` for test views; scenes without `2_` test on `1_`.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
 use super::capture::Capture;
+use super::records::BadRecords;
 use super::scan::{numbers_of, read_matrix};
 use super::shot::{Focal, Intrinsics, OPENGL_FROM_OPENCV, Shot, Split};
-use super::{Error, files};
+use super::{Error, files, names};
 use strivec_format::geometry::{Aabb, Lens, NotRigid, rigid};
 
 /// The files and folders by which the layout is recognized.
@@ -21,32 +23,48 @@ pub(super) const PARTS: [&str; 3] = ["intrinsics.txt", "pose", "rgb"];
 pub(super) fn read(folder: &Path) -> Result<Capture, Error> {
     let intrinsics = intrinsics(&folder.join("intrinsics.txt"))?;
     let poses = folder.join("pose");
-    let mut names = Vec::new();
+    let mut found = Vec::new();
     for entry in fs::read_dir(&poses).map_err(Error::read(&poses))? {
         let file = PathBuf::from(entry.map_err(Error::read(&poses))?.file_name());
         if file.extension().is_some_and(|ending| ending == "txt")
+            && !files::is_hidden(file.as_os_str())
             && let Some(name) = file.file_stem().and_then(|stem| stem.to_str())
         {
-            names.push(name.to_owned());
+            found.push(name.to_owned());
         }
     }
-    names.sort();
+    found.sort();
+    let known: BTreeSet<String> = found.iter().map(|name| names::normal(name)).collect();
     let has_pose = |picture: &PathBuf| {
         let stem = picture.file_stem().and_then(|stem| stem.to_str());
-        stem.is_some_and(|stem| names.binary_search_by(|name| name.as_str().cmp(stem)).is_ok())
+        stem.is_some_and(|stem| known.contains(&names::normal(stem)))
     };
     let lost = files::pictures_in(&folder.join("rgb"))?.iter().filter(|picture| !has_pose(picture)).count();
-    let shots = names.into_iter().map(|name| shot(folder, &poses, name, intrinsics)).collect::<Result<Vec<_>, _>>()?;
+    let (mut capture, mut bad) = (Capture::new(&poses, Vec::new()), BadRecords::default());
+    let total = found.len();
+    for name in found {
+        let path = poses.join(format!("{name}.txt"));
+        let rows = read_matrix(&path)?;
+        let shot = shot(folder, &path, name, &rows, intrinsics);
+        capture.inputs.push(path);
+        if rows.as_flattened().iter().all(|value| value.is_finite()) {
+            capture.shots.push(shot?);
+        } else {
+            bad.keep(shot);
+        }
+    }
+    let bad = bad.tolerated(total)?;
+    capture.tell_bad("pose".into(), &bad, total, "poses");
     let bounds = folder.join("bbox.txt");
-    let bounds = if bounds.is_file() { Some(bounds_of(&bounds)?) } else { None };
-    Ok(Capture { bounds, lost, ..Capture::new(&poses, shots) })
+    capture.bounds = if bounds.is_file() { Some(bounds_of(&bounds)?) } else { None };
+    capture.inputs.extend([folder.join("intrinsics.txt"), bounds]);
+    capture.lost = lost + bad.len();
+    Ok(capture)
 }
 
-fn shot(folder: &Path, poses: &Path, name: String, intrinsics: Intrinsics) -> Result<Shot, Error> {
-    let path = poses.join(format!("{name}.txt"));
-    let rows = read_matrix(&path)?;
+fn shot(folder: &Path, path: &Path, name: String, rows: &[[f64; 4]; 4], intrinsics: Intrinsics) -> Result<Shot, Error> {
     let (rotation, position) =
-        rigid(&rows).map_err(|NotRigid { expected, found }| Error::text(&path, "the matrix", expected, found))?;
+        rigid(rows).map_err(|NotRigid { expected, found }| Error::text(path, "the matrix", expected, found))?;
     let split = match name.get(..2) {
         Some("0_") => Some(Split::Train),
         Some("1_") => Some(Split::Validation),
@@ -56,6 +74,8 @@ fn shot(folder: &Path, poses: &Path, name: String, intrinsics: Intrinsics) -> Re
     Ok(Shot {
         picture: files::with_ending(&folder.join("rgb").join(&name)),
         name,
+        path: String::new(),
+        smaller: None,
         reduced: 1,
         mask: None,
         intrinsics,

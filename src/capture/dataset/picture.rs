@@ -105,32 +105,8 @@ fn rgba8(picture: DynamicImage) -> Vec<[u8; 4]> {
 }
 
 /// True if a color has more than 8 bits per channel.
-fn is_deep(color: ColorType) -> bool {
+pub(super) fn is_deep(color: ColorType) -> bool {
     !matches!(color, ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8)
-}
-
-/// \[height\]\[width\] true where the mask at `path` is not black, made `downscale` times smaller: a block counts if all
-/// of it does. The mask must have the `size` (columns and rows) of its photograph.
-pub(super) fn load_mask(
-    path: &Path,
-    is_turned: bool,
-    size: [u32; 2],
-    downscale: u32,
-    memory: &DecodingMemory,
-) -> Result<Vec<bool>, Error> {
-    let (mask, _held) = decoded(path, is_turned, memory)?;
-    let mask = mask.into_luma8();
-    let found: [u32; 2] = mask.dimensions().into();
-    if found != size {
-        let like = path.to_path_buf();
-        return Err(Error::PictureSize { path: path.to_path_buf(), expected: size, like, found });
-    }
-    let [width, columns, rows] = [size[0], size[0] / downscale, size[1] / downscale].map(|n| n as usize);
-    let (factor, raw) = (downscale as usize, mask.as_raw());
-    let counts = |row: usize, column: usize| {
-        (row * factor..(row + 1) * factor).all(|y| raw[y * width + column * factor..][..factor].iter().all(|&v| v > 0))
-    };
-    Ok((0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))).map(|(r, c)| counts(r, c)).collect())
 }
 
 /// The whole picture at `path`, and the memory that is held for it.

@@ -7,9 +7,9 @@
 //! the order of their numbers, lost ones included, the fifth of every eight is a test view; all others are for
 //! training.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DMat3;
 
@@ -31,18 +31,19 @@ const FIRST_TEST: usize = 4;
 pub(super) fn read(scan: Scan, split: &str) -> Result<Capture, Error> {
     let intrinsics = intrinsics(&scan)?;
     let (poses, color) = (scan.folder.join("pose"), scan.folder.join("color"));
-    let mut frames = numbers(&poses, &["txt"])?;
-    if color.is_dir() {
-        // Reading the pose of such a number reports pictures without a pose.
-        frames.append(&mut numbers(&color, &files::PICTURES)?);
-    }
+    let frames = numbers(&poses, &["txt"])?;
+    let pictures = if color.is_dir() { numbers(&color, &files::PICTURES)? } else { BTreeMap::new() };
+    // Reading the pose of the number of a picture reports pictures without a pose.
+    let all: BTreeSet<u32> = frames.keys().chain(pictures.keys()).copied().collect();
     let mut capture = Capture { points: scan.mesh.clone(), ..Capture::new(&scan.folder, Vec::new()) };
-    for (index, number) in frames.into_iter().enumerate() {
+    capture.inputs.extend(frames.values().cloned());
+    capture.inputs.extend(inputs(&scan));
+    for (index, number) in all.into_iter().enumerate() {
         let own = if index % TEST_EVERY == FIRST_TEST { Split::Test } else { Split::Train };
         if !(split == "all" || split == own.name()) {
             continue;
         }
-        let path = poses.join(format!("{number}.txt"));
+        let path = frames.get(&number).cloned().unwrap_or_else(|| poses.join(format!("{number}.txt")));
         let rows = read_matrix(&path)?;
         if rows.as_flattened().iter().any(|value| !value.is_finite()) {
             capture.lost += 1;
@@ -52,7 +53,12 @@ pub(super) fn read(scan: Scan, split: &str) -> Result<Capture, Error> {
             rigid(&rows).map_err(|NotRigid { expected, found }| Error::text(&path, "the matrix", expected, found))?;
         capture.shots.push(Shot {
             name: number.to_string(),
-            picture: files::with_ending(&color.join(number.to_string())),
+            path: String::new(),
+            picture: pictures
+                .get(&number)
+                .cloned()
+                .unwrap_or_else(|| files::with_ending(&color.join(number.to_string()))),
+            smaller: None,
             reduced: 1,
             mask: None,
             intrinsics,
@@ -96,15 +102,29 @@ fn intrinsics(scan: &Scan) -> Result<Intrinsics, Error> {
     Ok(intrinsics)
 }
 
-/// The numbers N of the files `N.ENDING` in `folder`; other files are not frames.
-fn numbers(folder: &Path, endings: &[&str]) -> Result<BTreeSet<u32>, Error> {
-    let mut numbers = BTreeSet::new();
+/// The files N.ENDING in `folder` by their numbers N, which may have leading zeros; other files are not frames.
+fn numbers(folder: &Path, endings: &[&str]) -> Result<BTreeMap<u32, PathBuf>, Error> {
+    let mut numbers: BTreeMap<u32, PathBuf> = BTreeMap::new();
     for entry in fs::read_dir(folder).map_err(Error::read(folder))? {
-        let file = entry.map_err(Error::read(folder))?.file_name();
+        let entry = entry.map_err(Error::read(folder))?;
+        let file = entry.file_name();
         let Some((stem, ending)) = file.to_str().and_then(|file| file.rsplit_once('.')) else { continue };
-        // Only the canonical form: neither 007 nor +7.
-        let number = stem.parse().ok().filter(|number: &u32| number.to_string() == stem);
-        numbers.extend(number.filter(|_| endings.contains(&ending)));
+        // Without a sign, as in +7.
+        let number = stem.parse::<u32>().ok().filter(|_| stem.bytes().all(|byte| byte.is_ascii_digit()));
+        let is_frame = endings.iter().any(|known| ending.eq_ignore_ascii_case(known));
+        if let Some(number) = number.filter(|_| is_frame) {
+            // Of several, the first by name.
+            let path = numbers.entry(number).or_insert_with(|| entry.path());
+            if entry.path() < *path {
+                *path = entry.path();
+            }
+        }
     }
     Ok(numbers)
+}
+
+/// The files of `scan` that are read but for frames and the mesh.
+fn inputs(scan: &Scan) -> Vec<PathBuf> {
+    let names = ["intrinsic/intrinsic_color.txt".to_owned(), format!("{}.txt", scan.name)];
+    names.into_iter().map(|name| scan.folder.join(name)).collect()
 }

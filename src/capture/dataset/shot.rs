@@ -15,10 +15,15 @@ pub const OPENGL_FROM_OPENCV: DMat3 = DMat3::from_diagonal(DVec3::new(1.0, -1.0,
 /// A photograph, before its picture is looked at.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Shot {
-    /// The file name without folder and extension.
+    /// The file name without folder and extension; with its folders if another photograph has this name.
     pub(super) name: String,
+    /// The path of the photograph in the dataset's folder, with `/` between folders: what it is known by. Set when its file
+    /// is looked for.
+    pub(super) path: String,
     /// The picture's file.
     pub(super) picture: PathBuf,
+    /// The file that may hold the picture made so many times smaller.
+    pub(super) smaller: Option<(PathBuf, u32)>,
     /// How many times smaller this file is than the photograph, by its folder's name; 1 for the photograph itself.
     pub(super) reduced: u32,
     /// A picture of the same size that is black where the photograph does not count.
@@ -72,6 +77,8 @@ pub enum Focal {
     Pixels([f64; 2]),
     /// The angles, in radians, that the picture's width and height span; without the second, pixels are square.
     Angles(f64, Option<f64>),
+    /// The angle, in radians, that the picture's height spans; pixels are square.
+    VerticalAngle(f64),
     /// The whole sphere, as wide as the picture.
     Panorama,
 }
@@ -105,12 +112,25 @@ impl Intrinsics {
                     }
                 }
             }
-            Focal::Panorama => {}
+            Focal::VerticalAngle(value) if !(value > 0.0 && value < PI) => {
+                return refuse("the angle of view", "an angle between 0 and π", value);
+            }
+            Focal::VerticalAngle(_) | Focal::Panorama => {}
         }
         for (axis, value) in ["column", "row"].into_iter().zip(self.principal) {
             if let Some(value) = value.filter(|value| value.is_nan() || value.abs() > 16.0 * f64::from(MAX_EDGE)) {
                 let what = format!("the principal point's {axis}");
                 return refuse(&what, "within 262144 pixels of the picture's corner", value);
+            }
+        }
+        let extents = self.size.map(|size| size.map(f64::from)).into_iter().flatten();
+        for ((axis, extent), principal) in ["column", "row"].into_iter().zip(extents).zip(self.principal) {
+            if let Some(value) = principal.filter(|at| !(0.0..=extent).contains(at)) {
+                return refuse(
+                    &format!("the principal point's {axis}"),
+                    &format!("in the picture, 0 to {extent}"),
+                    value,
+                );
             }
         }
         Ok(())
@@ -145,6 +165,7 @@ impl Intrinsics {
                 let along_columns = of(declared[0], x);
                 [along_columns, y.map_or(along_columns, |angle| of(declared[1], angle))]
             }
+            Focal::VerticalAngle(angle) => [0.5 * declared[1] / (0.5 * angle).tan(); 2],
             Focal::Panorama => [declared[0] / TAU, declared[1] / PI],
         };
         let principal = [0, 1].map(|a| self.principal[a].unwrap_or(0.5 * declared[a]) * scale[a]);
@@ -158,6 +179,18 @@ pub(super) fn is_scaled(size: [u32; 2], declared: [u32; 2]) -> bool {
     let [width, height] = size.map(f64::from);
     let scale = width / f64::from(declared[0]);
     (height - scale * f64::from(declared[1])).abs() <= (0.02 * height).max(scale).max(1.0)
+}
+
+/// How many times smaller or, with `true`, larger a picture of `size` is than `declared`, if that is a whole number up to
+/// the rounding of its sides.
+pub(super) fn whole_scale(size: [u32; 2], declared: [u32; 2]) -> Option<(u32, bool)> {
+    let fits = |small: [u32; 2], large: [u32; 2]| {
+        let factor = (f64::from(large[0]) / f64::from(small[0])).round().max(1.0) as u32;
+        let is_side = |(small, large): (u32, u32)| small == large / factor || small == large.div_ceil(factor);
+        small.into_iter().zip(large).all(is_side).then_some(factor)
+    };
+    let smaller = fits(size, declared).map(|factor| (factor, false));
+    smaller.or_else(|| fits(declared, size).map(|factor| (factor, true)))
 }
 
 impl Shot {
@@ -211,7 +244,9 @@ mod tests {
     fn shot(intrinsics: Intrinsics) -> Shot {
         Shot {
             name: String::new(),
+            path: String::new(),
             picture: PathBuf::new(),
+            smaller: None,
             reduced: 1,
             mask: None,
             intrinsics,
@@ -249,6 +284,15 @@ mod tests {
     }
 
     #[test]
+    fn sizes_are_whole_fractions_up_to_their_rounding() {
+        let of = |size| whole_scale(size, [97, 64]);
+        assert_eq!(of([97, 64]), Some((1, false)));
+        assert_eq!([of([48, 32]), of([49, 32]), of([24, 16])], [Some((2, false)), Some((2, false)), Some((4, false))]);
+        assert_eq!(of([194, 128]), Some((2, true)));
+        assert_eq!([of([95, 62]), of([96, 63]), of([65, 43])], [None; 3]);
+    }
+
+    #[test]
     fn numbers_that_make_no_camera_are_refused() {
         let good = Intrinsics {
             size: Some([8, 6]),
@@ -263,6 +307,10 @@ mod tests {
             (Intrinsics { focal: Focal::Pixels([9.0, f64::NAN]), ..good }, "focal length"),
             (Intrinsics { focal: Focal::Angles(4.0, None), ..good }, "angle of view"),
             (Intrinsics { principal: [Some(f64::INFINITY), None], ..good }, "principal point"),
+            (
+                Intrinsics { principal: [None, Some(7.0)], ..good },
+                "the principal point's row must be in the picture, 0 to 6",
+            ),
             (Intrinsics { size: Some([0, 6]), ..good }, "width"),
             (Intrinsics { size: Some([8, 1 << 20]), ..good }, "height"),
         ] {

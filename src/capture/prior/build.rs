@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use glam::{DAffine3, DVec3, IVec3, Vec3};
 
 use super::NoCells;
+use super::bad_shapes::BadShapes;
 use super::holes::filled;
 use super::morphology::CellRuns;
 use super::outliers::{Outliers, inliers};
@@ -94,6 +95,8 @@ pub struct Counts {
     pub noise: u64,
     /// Splats left out because of their opacity ([`ReadOptions::min_opacity`]).
     pub transparent: u64,
+    /// Points and triangles left out because a coordinate is not finite: at most one percent of a file, or one.
+    pub not_finite: u64,
 }
 
 /// Progress of the reading.
@@ -173,9 +176,15 @@ impl BuildRun<'_> {
     fn pass(&mut self, shapes: &mut dyn Shapes) -> Result<(), BuildError> {
         for file in self.files {
             let at = BuildProgress { file: self.passed, files: self.files.len() * self.passes, done: 0, total: 0 };
-            let mut placed =
-                Placed { transform: self.options.transform, shapes: &mut *shapes, at, progress: self.progress };
+            let mut placed = Placed {
+                transform: self.options.transform,
+                shapes: &mut *shapes,
+                at,
+                progress: self.progress,
+                bad: BadShapes::default(),
+            };
             let read = geometry::read(file, &self.options.read, &mut placed);
+            let bad = std::mem::take(&mut placed.bad);
             // An error of the cells reaches the reader as `Fault::Stopped`; the error itself is in `shapes`.
             if let Some(error) = shapes.failure() {
                 return Err(error);
@@ -184,6 +193,7 @@ impl BuildRun<'_> {
                 Fault::Stopped => BuildError::Stopped,
                 _ => BuildError::Import(e),
             })?;
+            bad.tolerated().map_err(|fault| BuildError::Import(fault.of(file)))?;
             self.passed += 1;
         }
         Ok(())
@@ -207,14 +217,23 @@ struct Placed<'a> {
     shapes: &'a mut dyn Shapes,
     at: BuildProgress,
     progress: &'a mut dyn FnMut(BuildProgress) -> ControlFlow<()>,
+    bad: BadShapes,
 }
 
 impl Visitor for Placed<'_> {
+    fn not_finite(&mut self, fault: Fault) -> Result<(), Fault> {
+        self.bad.add(fault);
+        self.shapes.left_out(LeftOut::NotFinite);
+        Ok(())
+    }
+
     fn point(&mut self, point: Point) -> Result<(), Fault> {
+        self.bad.good += 1;
         self.shapes.point(self.transform.transform_point3(point.position), point.color)
     }
 
     fn splat(&mut self, center: Point, axes: [DVec3; 3]) -> Result<(), Fault> {
+        self.bad.good += 1;
         let axes = axes.map(|axis| self.transform.transform_vector3(axis));
         self.shapes.splat(self.transform.transform_point3(center.position), axes, center.color)
     }
@@ -224,6 +243,7 @@ impl Visitor for Placed<'_> {
     }
 
     fn triangle(&mut self, corners: [Point; 3]) -> Result<(), Fault> {
+        self.bad.good += 1;
         let color = mean_color(corners.map(|c| c.color));
         let corners = corners.map(|c| self.transform.transform_point3(c.position));
         self.shapes.triangle(Triangle { corners }, color)
@@ -424,6 +444,7 @@ impl Shapes for Filling<'_> {
             LeftOut::Withheld => &mut self.counts.withheld,
             LeftOut::Noise => &mut self.counts.noise,
             LeftOut::Transparent => &mut self.counts.transparent,
+            LeftOut::NotFinite => &mut self.counts.not_finite,
         };
         *count += 1;
     }

@@ -163,14 +163,15 @@ impl fmt::Display for NoCells {
             Self::LeftOut(counts) => write!(
                 f,
                 ": {} points ({} of them outliers), {} triangles, {} cells of grids; left out: {} withheld and {} noise \
-                 points, {} splats of low opacity",
+                 points, {} splats of low opacity, {} not finite",
                 counts.points,
                 counts.outliers,
                 counts.triangles,
                 counts.cells,
                 counts.withheld,
                 counts.noise,
-                counts.transparent
+                counts.transparent,
+                counts.not_finite
             ),
             Self::FewPoints { cells, min_points } => {
                 write!(f, ": none of {cells} cells has {min_points} points, the value of {}", OptionName("min_points"))

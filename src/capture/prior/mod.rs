@@ -5,6 +5,7 @@
 //! training initializes.
 
 mod alignment;
+mod bad_shapes;
 mod bounds;
 mod build;
 mod canonical;
@@ -28,6 +29,7 @@ mod voxel_boxes;
 mod voxels;
 
 pub use alignment::{AlignmentHint, PriorVisibility, check_alignment};
+pub use bad_shapes::{not_finite_in, points_left_out};
 pub use bounds::{CameraBounds, frusta_box, inner_box, ray_range};
 pub use build::{BuildOptions, BuildProgress, Built, Counts, build};
 pub use canonical::{CANONICAL_HALF_EXTENT, CANONICAL_TOLERANCE, canonical_map};

@@ -11,7 +11,7 @@ use super::{Context, DatasetOptions, Error};
 use crate::table::{plural, short};
 use crate::write_atomically;
 use strivec_capture::dataset;
-use strivec_capture::dataset::{Description, LoadOptions, NamedCamera};
+use strivec_capture::dataset::{CameraGroup, Description, InventoryEntry, LoadOptions, NamedCamera, Standing};
 use strivec_capture::prior;
 use strivec_capture::prior::{CameraBounds, VoxelBoxes};
 use strivec_format::escape::escaped_path;
@@ -23,8 +23,6 @@ Examples:
   strivec dataset info capture
   strivec dataset info capture --picture cameras.png
   strivec dataset info scene --layout colmap --json";
-/// Missing pictures that the text names.
-const NAMED_MISSING: usize = 5;
 
 /// The arguments.
 #[derive(Debug, clap::Args)]
@@ -32,7 +30,7 @@ const NAMED_MISSING: usize = 5;
 pub(super) struct Args {
     /// Dataset folder
     dataset: PathBuf,
-    /// Picture of the cameras and points to write, from above and from the side
+    /// Picture of the cameras, their rays, the points and the box to write, from above and from the side
     #[arg(long, value_name = "PNG")]
     picture: Option<PathBuf>,
     #[command(flatten)]
@@ -60,6 +58,22 @@ struct Info<'a> {
     focus_distances: [f64; 3],
     /// The distances at which rays begin and end.
     near_far: [f64; 2],
+    /// What of the folder is used, what is not, and what is named but not there.
+    inventory: Vec<InventoryRow<'a>>,
+    #[serde(skip)]
+    groups: Vec<CameraGroup>,
+    /// The inventory's lines for people, with their labels.
+    #[serde(skip)]
+    told: Vec<(&'static str, String)>,
+}
+
+#[derive(Serialize)]
+struct InventoryRow<'a> {
+    /// `used`, `unused`, `absent` or `doubtful`.
+    standing: &'static str,
+    path: &'a str,
+    count: usize,
+    what: &'a str,
 }
 
 #[derive(Serialize)]
@@ -89,16 +103,33 @@ struct PointFacts<'a> {
     bounds: [[f64; 3]; 2],
 }
 
+impl<'a> InventoryRow<'a> {
+    fn of(entry: &'a InventoryEntry) -> Self {
+        let InventoryEntry { standing, path, count, what } = entry;
+        Self { standing: standing.name(), path, count: *count, what }
+    }
+}
+
 /// Prints what the dataset is, and draws it.
 pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let description = dataset::describe(&args.dataset, &args.options.load_options(1))?;
-    let Description { name, layout, splits, masks, lost, missing, points, bounds } = &description;
+    let Description { name, layout, splits, masks, lost, missing, points, bounds, inventory } = &description;
     let cameras: Vec<Camera> = splits.iter().flat_map(|(_, named)| named.iter().map(|n| n.camera)).collect();
     let location = prior::locate(points.as_deref(), *bounds, &cameras, || is_opaque(args))?;
     let focus = CameraBounds::from_cameras(cameras.iter()).focus;
     let distances = cameras.iter().map(|camera| camera.position.distance(focus));
     let mean = distances.clone().sum::<f64>() / cameras.len() as f64;
     let corners = |bounds: &strivec_format::geometry::Aabb| [bounds.min, bounds.max].map(|corner| corner.to_array());
+    let mut inventory = inventory.clone();
+    if let Some(file) = points.as_deref().filter(|_| location.points.is_none()) {
+        let path = file.strip_prefix(&args.dataset).unwrap_or(file).to_string_lossy().into_owned();
+        let what = "its points have no extent, or no camera sees them".into();
+        let entry = InventoryEntry { standing: Standing::Unused, path, count: 1, what };
+        inventory.entries.retain(|other| other.standing != Standing::Used || other.path != entry.path);
+        inventory.entries.insert(0, entry);
+    }
+    let left_out = points.as_deref().and_then(|file| prior::points_left_out(&args.dataset, file));
+    drop(inventory.entries.splice(..0, left_out));
     let info = Info {
         name,
         layout: layout.name(),
@@ -115,6 +146,9 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
         focus: focus.to_array(),
         focus_distances: [distances.clone().fold(f64::INFINITY, f64::min), mean, distances.fold(0.0, f64::max)],
         near_far: location.near_far,
+        inventory: inventory.entries.iter().map(InventoryRow::of).collect(),
+        groups: dataset::group_cameras(&cameras),
+        told: inventory.lines(),
     };
     if let Some(path) = &args.picture {
         let points = location.points.iter().flat_map(VoxelBoxes::boxes).map(|cell| cell.center()).collect();
@@ -123,6 +157,7 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
             points,
             bounds: *bounds,
             focus,
+            near_far: location.near_far,
         };
         let (size, colors) = plan.draw()?;
         write_atomically(path, &color_png(size, &colors)?, session.force)?;
@@ -180,25 +215,18 @@ fn text(info: &Info<'_>) -> String {
         ),
         format!("splits        {}", splits.join(", ")),
     ];
-    for kind in &info.cameras {
-        let [width, height] = kind.size;
-        let angles = kind.angles.map_or_else(String::new, |[x, y]| format!(", {x:.1} x {y:.1} degrees"));
-        let [fx, fy] = kind.focal.map(short);
-        lines.push(format!(
-            "cameras       {} of {width}x{height}: {}, focal length {fx} x {fy} pixels{angles}",
-            kind.photographs, kind.lens
-        ));
+    for group in &info.groups {
+        // The angles of view are those of all photographs of one camera.
+        let kind = info.cameras.iter().find(|_| info.cameras.len() == 1);
+        let angles = kind.and_then(|kind| kind.angles);
+        let angles = angles.map_or_else(String::new, |[x, y]| format!(", {x:.1} x {y:.1} degrees"));
+        lines.push(format!("cameras       {group}{angles}"));
     }
     if info.masks > 0 {
         lines.push(format!("masks         {}", plural(info.masks, "photograph")));
     }
     if info.lost > 0 {
         lines.push(format!("without pose  {}", plural(info.lost, "frame")));
-    }
-    if let Some(first) = info.missing.get(..NAMED_MISSING.min(info.missing.len())).filter(|first| !first.is_empty()) {
-        let names: Vec<_> = first.iter().map(|path| escaped_path(path)).collect();
-        let more = if info.missing.len() > first.len() { ", …" } else { "" };
-        lines.push(format!("missing       {}: {}{more}", plural(info.missing.len(), "picture"), names.join(", ")));
     }
     if let Some(PointFacts { file, bounds: [min, max] }) = &info.points {
         lines.push(format!("points        {}, in {} to {}", escaped_path(file), three(min), three(max)));
@@ -210,5 +238,6 @@ fn text(info: &Info<'_>) -> String {
     lines.push(format!("focus         {}, {least} to {most} from the cameras, mean {mean}", three(&info.focus)));
     let [near, far] = info.near_far.map(short);
     lines.push(format!("rays          from {near} to {far}"));
+    lines.extend(info.told.iter().map(|(label, line)| format!("{label:<14}{line}")));
     lines.join("\n") + "\n"
 }

@@ -1,4 +1,4 @@
-//! The picture of a dataset's cameras and points, from above and from the side.
+//! The picture of a dataset's cameras, their rays, its points and its box, from above and from the side.
 
 use glam::{DVec2, DVec3};
 use plotters::prelude::*;
@@ -15,6 +15,9 @@ const MAX_POINTS: usize = 50_000;
 const SYMBOL: f64 = 0.03;
 const POINT: RGBColor = RGBColor(170, 170, 170);
 const BOX: RGBColor = RGBColor(90, 90, 90);
+/// The middle ray of a camera, in so many steps.
+const RAY: RGBColor = RGBColor(222, 210, 170);
+const RAY_STEPS: u32 = 64;
 /// Colors of splits, in their order.
 const SPLITS: [RGBColor; 3] = [RGBColor(31, 119, 180), RGBColor(255, 127, 14), RGBColor(44, 160, 44)];
 /// The axes across and upwards of both views, with their names.
@@ -27,6 +30,8 @@ pub(super) struct FloorPlan<'a> {
     pub(super) points: Vec<DVec3>,
     pub(super) bounds: Option<Aabb>,
     pub(super) focus: DVec3,
+    /// The distances at which rays begin and end.
+    pub(super) near_far: [f64; 2],
 }
 
 impl FloorPlan<'_> {
@@ -66,6 +71,8 @@ impl FloorPlan<'_> {
             .y_label_area_size(52)
             .build_cartesian_2d(range(across), range(up))?;
         chart.configure_mesh().label_style((plots::FONT, 14)).light_line_style(WHITE).draw()?;
+        let rays = cameras().map(|named| self.middle_ray(&named.camera).filter(is_shown).map(flat).collect());
+        chart.draw_series(rays.map(|ray: Vec<_>| PathElement::new(ray, RAY)))?;
         let stride = self.points.len().div_ceil(MAX_POINTS).max(1);
         let points = self.points.iter().step_by(stride).filter(|p| is_shown(p));
         chart.draw_series(points.map(|p| Pixel::new(flat(*p), POINT)))?;
@@ -89,6 +96,13 @@ impl FloorPlan<'_> {
             .background_style(WHITE.mix(0.8))
             .border_style(BLACK)
             .draw()
+    }
+
+    /// Points at equal steps on the middle ray of `camera`, from where it begins to where it ends.
+    fn middle_ray(&self, camera: &Camera) -> impl Iterator<Item = DVec3> {
+        let ([near, far], ahead, from) = (self.near_far, -camera.world_from_camera.z_axis, camera.position);
+        let distance = move |n: u32| near + (far - near) * f64::from(n) / f64::from(RAY_STEPS);
+        (0..=RAY_STEPS).map(move |n| from + distance(n) * ahead)
     }
 }
 

@@ -39,7 +39,11 @@ impl Photographs {
         if let Some(path) = &self.aligned_to {
             let all = LoadOptions { views: None, every: 1, ..options };
             let cameras = dataset::load_cameras(&self.dataset, "train", None, &all)?;
-            let (map, focal_scale) = RefinedPoses::alignment(path, &cameras)?;
+            let (map, focal_scale) = RefinedPoses::alignment(path, &cameras).or_else(|error| {
+                // They may be the poses of a training on other photographs of the dataset.
+                let cameras = dataset::load_cameras(&self.dataset, "all", None, &all);
+                cameras.ok().and_then(|cameras| RefinedPoses::alignment(path, &cameras).ok()).ok_or(error)
+            })?;
             for Photograph { camera, .. } in &mut dataset.views {
                 *camera = camera.mapped(&map);
                 camera.focal = camera.focal.map(|focal| focal_scale * focal);

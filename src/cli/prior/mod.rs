@@ -80,6 +80,8 @@ struct Report<'a> {
     noise: u64,
     /// Splats left out because of their opacity.
     transparent: u64,
+    /// Points and triangles left out because a coordinate is not finite.
+    not_finite: u64,
     triangles: u64,
     degenerate_triangles: u64,
     grid_cells: u64,
@@ -109,7 +111,8 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let bytes = prior::to_npz(&built).map_err(Error::io("write", output))?;
     write_atomically(output, &bytes, session.force)?;
     let bounds = built.boxes.bounds();
-    let Counts { points, outliers, triangles, degenerate, cells, withheld, noise, transparent } = built.counts;
+    let Counts { points, outliers, triangles, degenerate, cells, withheld, noise, transparent, not_finite } =
+        built.counts;
     let report = Report {
         file: output,
         cells: built.boxes.cells.len(),
@@ -121,6 +124,7 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
         withheld,
         noise,
         transparent,
+        not_finite,
         triangles,
         degenerate_triangles: degenerate,
         grid_cells: cells,

@@ -133,6 +133,9 @@ fn within(name: &str, fault: Fault) -> Fault {
         Fault::Malformed(Invalid { place, expected, found }) => {
             Fault::malformed(format!("{name}: {place}"), expected, found)
         }
+        Fault::NotFinite(Invalid { place, expected, found }) => {
+            Fault::NotFinite(Invalid::new(format!("{name}: {place}"), expected, found))
+        }
         other => other,
     }
 }

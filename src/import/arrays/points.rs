@@ -56,7 +56,8 @@ pub(super) fn read(
             (None, Some(scale)) => Some(scale.color(&row[3..])),
             (None, None) => None,
         };
-        visitor.point(Point::new(DVec3::new(row[0], row[1], row[2]), color, || format!("point {n}"))?)
+        let position = DVec3::new(row[0], row[1], row[2]);
+        Point::pass(Point::new(position, color, || format!("point {n}")), visitor)
     })
 }
 

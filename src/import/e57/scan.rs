@@ -212,8 +212,10 @@ impl ScanParts {
                 if let Some(position) = self.position(streams, at) {
                     let color = self.color(streams, at);
                     let place = || format!("{}, point {}", self.place, done + at as u64);
-                    let Point { position, color } = Point::new(position, color, place)?;
-                    visitor.point(Point::new(self.rotation * position + self.translation, color, place)?)?;
+                    let placed = Point::new(position, color, place).and_then(|Point { position, color }| {
+                        Point::new(self.rotation * position + self.translation, color, place)
+                    });
+                    Point::pass(placed, visitor)?;
                 }
             }
             done += count as u64;

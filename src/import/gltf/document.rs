@@ -31,6 +31,8 @@ const HARMLESS: [&str; 15] = [
     "EXT_structural_metadata",
 ];
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+/// The beginning of the names of the extensions of splats.
+const SPLATTING: &str = "KHR_gaussian_splatting";
 
 /// The part that is parsed first: in other versions, the rest has other types.
 #[derive(Deserialize)]
@@ -110,6 +112,11 @@ impl Document {
         }
         if preamble.extensions_used.iter().any(|name| name == INSTANCING) {
             return Err(unsupported(INSTANCING));
+        }
+        // Without it, splats are bare points, transparent ones, too.
+        if let Some(name) = preamble.extensions_used.iter().find(|name| name.starts_with(SPLATTING)) {
+            let what = format!("the extension {}", excerpt(name.as_bytes()));
+            return Err(Fault::unsupported(what, "export the splats as PLY or SPZ"));
         }
         serde_json::from_slice(json).map_err(wrong)
     }

@@ -114,7 +114,7 @@ impl<'b> Primitive<'b> {
         };
         if only_vertices || self.mode == Mode::Points {
             for n in 0..count {
-                visitor.point(corner(n)?)?;
+                Point::pass(corner(n), visitor)?;
                 if n % REPORT_EVERY == REPORT_EVERY - 1 {
                     visitor.progress(bytes, bytes)?;
                 }
@@ -128,7 +128,10 @@ impl<'b> Primitive<'b> {
                 Mode::TriangleFan => [n + 1, n + 2, 0],
                 _ => [3 * n, 3 * n + 1, 3 * n + 2],
             };
-            visitor.triangle([corner(a)?, corner(b)?, corner(c)?])?;
+            match (corner(a), corner(b), corner(c)) {
+                (Ok(a), Ok(b), Ok(c)) => visitor.triangle([a, b, c])?,
+                (Err(fault), ..) | (_, Err(fault), _) | (.., Err(fault)) => fault.pass(visitor)?,
+            }
             if n % REPORT_EVERY == REPORT_EVERY - 1 {
                 visitor.progress(bytes, bytes)?;
             }

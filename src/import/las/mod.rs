@@ -69,7 +69,13 @@ impl RecordReader<'_> {
                 continue;
             }
             let position = self.header.position(record);
-            let point = Point::new(position, None, || format!("point {at}"))?;
+            let point = match Point::new(position, None, || format!("point {at}")) {
+                Ok(point) => point,
+                Err(fault) => {
+                    fault.pass(visitor)?;
+                    continue;
+                }
+            };
             match (self.header.color(record), self.shift) {
                 (None, _) => visitor.point(point)?,
                 (Some(color), Some(shift)) => visitor.point(colored(point.position, color, shift))?,

@@ -165,5 +165,5 @@ fn point(
         return Ok(());
     }
     let color = packed.map(|packed| [(packed >> 16) as u8, (packed >> 8) as u8, packed as u8]);
-    visitor.point(Point::new(DVec3::from_array(position), color, place)?)
+    Point::pass(Point::new(DVec3::from_array(position), color, place), visitor)
 }

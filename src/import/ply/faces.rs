@@ -58,6 +58,9 @@ impl FaceElement {
         let (mut corners, mut strip) = (Vec::new(), 0_u64);
         let mut triangulator = Triangulator::default();
         let mut polygon = |corners: &[usize], visitor: &mut dyn Visitor| {
+            if !vertices.are_finite(corners) {
+                return Ok(());
+            }
             let corner = |n: usize| vertices.point(corners[n]);
             let each = |triangle: [usize; 3]| visitor.triangle(triangle.map(corner));
             triangulator.cut(corners.len(), |n| corner(n).position, each)
@@ -90,6 +93,9 @@ impl FaceElement {
             let [a, b, c] = corners[..] else { return Ok(()) };
             corners.remove(0);
             let triangle = if strip % 2 == 1 { [a, b, c] } else { [b, a, c] };
+            if !vertices.are_finite(&triangle) {
+                return Ok(());
+            }
             visitor.triangle(triangle.map(|corner| vertices.point(corner)))
         })?;
         if self.shape == FaceKind::Polygon { polygon(&corners, visitor) } else { Ok(()) }

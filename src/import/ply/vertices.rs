@@ -68,13 +68,13 @@ impl VertexProperties {
     ) -> Result<(), Fault> {
         let filters = self.has_confidence && min_confidence > 0.0;
         body.records(element, &self.wanted, visitor, |visitor, values, place| {
-            let point = self.point(values, place)?;
+            let point = self.point(values, place);
             let confidence = values[values.len() - 1];
             // NaN is an unknown confidence.
             if filters && (confidence < min_confidence || confidence.is_nan()) {
                 return Ok(());
             }
-            visitor.point(point)
+            Point::pass(point, visitor)
         })
     }
 }
@@ -111,8 +111,15 @@ impl Vertices {
             PositionProperties::Wide(Vec::with_capacity(count))
         };
         let mut colors = Vec::with_capacity(if columns.color.is_some() { count } else { 0 });
-        body.records(element, &columns.wanted, visitor, |_, values, place| {
-            let point = columns.point(values, place)?;
+        body.records(element, &columns.wanted, visitor, |visitor, values, place| {
+            let point = match columns.point(values, place) {
+                Ok(point) => point,
+                Err(fault) => {
+                    fault.pass(visitor)?;
+                    // Faces without it need the numbers of the vertices after it.
+                    Point { position: DVec3::NAN, color: columns.color.map(|_| [0; 3]) }
+                }
+            };
             match &mut positions {
                 PositionProperties::Narrow(positions) => positions.push(point.position.as_vec3()),
                 PositionProperties::Wide(positions) => positions.push(point.position),
@@ -131,7 +138,12 @@ impl Vertices {
         }
     }
 
-    /// Vertex `n`, which must be below [`Vertices::len`].
+    /// True if all of `corners`, each below [`Vertices::len`], are finite.
+    pub(super) fn are_finite(&self, corners: &[usize]) -> bool {
+        corners.iter().all(|&n| self.point(n).position.is_finite())
+    }
+
+    /// Vertex `n`, which must be below [`Vertices::len`]. Its position is NaN if the visitor has left it out.
     pub(super) fn point(&self, n: usize) -> Point {
         let position = match &self.positions {
             PositionProperties::Narrow(positions) => positions[n].as_dvec3(),

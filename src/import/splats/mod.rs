@@ -43,7 +43,10 @@ impl Splat {
         visitor: &mut dyn Visitor,
         place: impl FnOnce() -> String,
     ) -> Result<(), Fault> {
-        let center = Point::new(self.center, self.color, place)?;
+        let center = match Point::new(self.center, self.color, place) {
+            Ok(center) => center,
+            Err(fault) => return fault.pass(visitor),
+        };
         // NaN is an unknown opacity.
         if self.opacity < options.min_opacity || (self.opacity.is_nan() && options.min_opacity > 0.0) {
             visitor.left_out(LeftOut::Transparent);

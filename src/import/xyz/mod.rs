@@ -231,7 +231,10 @@ impl NumberTable {
     fn point(&mut self, line: &TextLine<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
         let of = |column: usize| line.number(self.fields[column].clone());
         let [x, y, z] = self.columns.position;
-        let point = Point::new(DVec3::new(of(x)?, of(y)?, of(z)?), None, || line.place())?;
+        let point = match Point::new(DVec3::new(of(x)?, of(y)?, of(z)?), None, || line.place()) {
+            Ok(point) => point,
+            Err(fault) => return fault.pass(visitor),
+        };
         let color = match self.columns.color {
             Some([red, green, blue]) if self.colors.wanted() => Some([of(red)?, of(green)?, of(blue)?]),
             _ => None,

@@ -58,6 +58,11 @@ pub(super) fn images(path: &Path) -> Result<Vec<(u32, RawImage)>, Error> {
     Ok(images)
 }
 
+/// The number of images that `path` declares, if it has room for them.
+pub(super) fn count(path: &Path) -> Result<u64, Error> {
+    BinaryFile::open(path)?.count(IMAGE_BYTES, "images")
+}
+
 /// A file that is read front to back.
 struct BinaryFile<'a> {
     path: &'a Path,

@@ -12,18 +12,30 @@ use std::path::{Path, PathBuf};
 use glam::{DMat3, DQuat, DVec3};
 
 use self::raw::{BINARY_MODELS, RawCamera, RawImage};
+use super::capture::Capture;
+use super::inventory_entry::{Standing, relative_to};
+use super::names::NamesOfFolders;
+use super::records::BadRecords;
 use super::shot::{Focal, Intrinsics, MODELS, OPENGL_FROM_OPENCV, Shot, lens_of};
 use super::{Error, files};
 use strivec_format::geometry::Lens;
 
-/// Where a reconstruction may lie in a project, in the order of search.
-const MODEL_FOLDERS: [&str; 5] = ["sparse/0", "sparse", "colmap/sparse/0", "colmap/sparse", "."];
+/// Where a reconstruction may lie in a project, in the order of search; or, but in the last, in a folder in it.
+const MODEL_FOLDERS: [&str; 3] = ["sparse", "colmap/sparse", "."];
+/// Folders in one of these that are looked at, at most.
+const MAX_MODELS: usize = 1000;
+/// Files that belong to a model and that are not needed.
+const OF_A_MODEL: [&str; 5] = ["rigs", "frames", "points3D", "cameras", "images"];
 
 /// The files of a reconstruction.
 pub(super) struct Project {
     /// The folder of `cameras` and `images`.
     pub(super) model: PathBuf,
     is_binary: bool,
+    /// Number of its images.
+    images: u64,
+    /// Smaller reconstructions, with the number of their images.
+    others: Vec<(PathBuf, u64)>,
 }
 
 /// Models with one focal length for columns and rows.
@@ -31,19 +43,35 @@ const ONE_FOCAL: [&str; 6] =
     ["SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "SIMPLE_FISHEYE"];
 
 impl Project {
-    /// The reconstruction in `folder`, if there is one.
+    /// The reconstruction in `folder` with the most images, the first of several; `None` if there is none.
     pub(super) fn find(folder: &Path) -> Option<Self> {
-        let has = |files: &[String; 2]| files.iter().all(|file| folder.join(file).is_file());
-        let (model, is_binary, _) = Self::candidates().find(|(_, _, files)| has(files))?;
-        Some(Self { model: folder.join(model), is_binary })
+        let mut models: Vec<(PathBuf, bool, u64)> =
+            model_folders(folder).into_iter().filter_map(|model| Self::of(&model)).collect();
+        let most = models.iter().map(|(_, _, images)| *images).max()?;
+        let largest = models.iter().position(|(_, _, images)| *images == most)?;
+        let (model, is_binary, images) = models.remove(largest);
+        let others = models.into_iter().map(|(model, _, images)| (model, images)).collect();
+        Some(Self { model, is_binary, images, others })
     }
 
-    /// Where a reconstruction may lie in a project: its folder, true for binary files, and the paths of its files.
-    pub(super) fn candidates() -> impl Iterator<Item = (&'static str, bool, [String; 2])> {
-        let files = |model, ending| ["cameras", "images"].map(|name| format!("{model}/{name}.{ending}"));
-        MODEL_FOLDERS
-            .iter()
-            .flat_map(move |&model| [(model, true, files(model, "bin")), (model, false, files(model, "txt"))])
+    /// The reconstruction whose files are in the folder `model`: whether they are binary, and the number of images.
+    fn of(model: &Path) -> Option<(PathBuf, bool, u64)> {
+        [true, false].into_iter().find_map(|is_binary| {
+            let [cameras, images] = names(is_binary).map(|name| model.join(name));
+            if !(cameras.is_file() && images.is_file()) {
+                return None;
+            }
+            // A file that cannot be read is an error later.
+            let count = if is_binary { binary::count(&images) } else { text::count(&images) };
+            Some((model.to_path_buf(), is_binary, count.unwrap_or(0)))
+        })
+    }
+
+    /// The files by which projects are recognized, for messages.
+    pub(super) fn places() -> impl DoubleEndedIterator<Item = [String; 2]> {
+        let folders = ["sparse/0", "sparse", "colmap/sparse/0", "colmap/sparse", "."];
+        let of = |folder: &'static str| [true, false].map(|is| names(is).map(|name| format!("{folder}/{name}")));
+        folders.into_iter().flat_map(of)
     }
 
     /// The file of sparse points, if there is one.
@@ -53,29 +81,100 @@ impl Project {
 
     /// The registered photographs of the project in `folder`, ascending by name. Pictures are those of `images_N` if
     /// there is such a folder for `downscale` N.
-    pub(super) fn shots(&self, folder: &Path, downscale: u32) -> Result<Vec<Shot>, Error> {
-        let ending = if self.is_binary { "bin" } else { "txt" };
-        let (cameras_path, images_path) =
-            (self.model.join(format!("cameras.{ending}")), self.model.join(format!("images.{ending}")));
+    pub(super) fn read(&self, folder: &Path, downscale: u32) -> Result<Capture, Error> {
+        let [cameras_path, images_path] = names(self.is_binary).map(|name| self.model.join(name));
         let cameras = if self.is_binary { binary::cameras(&cameras_path)? } else { text::cameras(&cameras_path)? };
         let mut intrinsics = BTreeMap::new();
         for (id, camera) in cameras {
             intrinsics.insert(id, camera.intrinsics(&cameras_path, id)?);
         }
-        let images = if self.is_binary { binary::images(&images_path)? } else { text::images(&images_path)? };
-        let (pictures, reduced) = files::reduced(&folder.join("images"), downscale);
-        let mut shots = Vec::with_capacity(images.len());
+        let (images, without_points) =
+            if self.is_binary { (binary::images(&images_path)?, 0) } else { text::images(&images_path)? };
+        let mut capture = Capture::new(&self.model, Vec::with_capacity(images.len()));
+        let mut pictures =
+            PictureFolders { folder, images: folder.join("images"), smaller: None, names: NamesOfFolders::default() };
+        pictures.smaller = files::smaller(&pictures.images, downscale).map(|smaller| (smaller, downscale));
+        let (mut bad, total) = (BadRecords::default(), images.len());
         for (id, image) in images {
             let place = format!("image {id}");
             let Some(&intrinsics) = intrinsics.get(&image.camera) else {
                 let expected = format!("a camera of {}", cameras_path.display());
                 return Err(Error::text(&images_path, place, expected, image.camera.to_string()));
             };
-            shots.push(image.shot(&images_path, place, intrinsics, (&pictures, reduced), folder)?);
+            let shot = image.shot(&images_path, place, intrinsics, &mut pictures);
+            if image.rotation.iter().chain(&image.translation).all(|value| value.is_finite()) {
+                capture.shots.push(shot?);
+            } else {
+                bad.keep(shot);
+            }
         }
-        shots.sort_by(|a, b| a.picture.cmp(&b.picture));
-        Ok(shots)
+        let bad = bad.tolerated(total)?;
+        capture.lost = bad.len();
+        let listing = relative_to(folder, &images_path);
+        capture.tell_bad(listing.clone(), &bad, total, "poses");
+        if without_points > 0 {
+            let what = format!("{without_points} of {total} images lack their line of points, which is taken as empty");
+            capture.tell(Standing::Doubtful, listing, without_points, what);
+        }
+        capture.shots.sort_by(|a, b| a.picture.cmp(&b.picture));
+        capture.leave_out_repeated(folder);
+        capture.points = self.points();
+        self.tell_models(folder, &mut capture);
+        Ok(capture)
     }
+
+    /// Tells of the files of this model and of smaller ones.
+    fn tell_models(&self, folder: &Path, capture: &mut Capture) {
+        for (other, images) in &self.others {
+            let (place, own) = (relative_to(folder, other), relative_to(folder, &self.model));
+            let what = format!("a model of {images} images; {own}, which has {}, is used", self.images);
+            if *other == folder || self.model.starts_with(other) {
+                // Its folder holds the model that is used, too.
+                let files = names(other.join("cameras.bin").is_file()).map(|name| other.join(name));
+                files.iter().for_each(|file| capture.tell(Standing::Unused, relative_to(folder, file), 1, &what));
+            } else {
+                capture.tell(Standing::Unused, place, *images as usize, what);
+            }
+        }
+        let own = OF_A_MODEL.iter().flat_map(|name| ["bin", "txt"].map(|ending| format!("{name}.{ending}")));
+        capture.inputs.extend(own.chain(["project.ini".to_owned()]).map(|name| self.model.join(name)));
+        capture.inputs.extend(["database.db", "pose.json", "pictures.txt"].map(|name| folder.join(name)));
+    }
+}
+
+/// The names of the files of a model.
+fn names(is_binary: bool) -> [String; 2] {
+    let ending = if is_binary { "bin" } else { "txt" };
+    ["cameras", "images"].map(|name| format!("{name}.{ending}"))
+}
+
+/// The folders in which a model of the project in `folder` may be, in the order of search.
+fn model_folders(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for place in MODEL_FOLDERS {
+        let place = if place == "." { folder.to_path_buf() } else { folder.join(place) };
+        if place != folder {
+            let inside = std::fs::read_dir(&place).into_iter().flatten().flatten().map(|entry| entry.path());
+            let mut inside: Vec<_> = inside.filter(|path| path.is_dir()).collect();
+            // In the order of their numbers.
+            inside.sort_by_key(|path| {
+                let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+                (name.parse::<u64>().unwrap_or(u64::MAX), name)
+            });
+            found.extend(inside.into_iter().take(MAX_MODELS));
+        }
+        found.push(place);
+    }
+    found
+}
+
+/// The folders of a project's pictures and masks.
+struct PictureFolders<'a> {
+    folder: &'a Path,
+    images: PathBuf,
+    /// The folder of pictures that were made so many times smaller.
+    smaller: Option<(PathBuf, u32)>,
+    names: NamesOfFolders,
 }
 
 /// The number of the camera model `name` in binary files.
@@ -115,8 +214,7 @@ impl RawImage {
         path: &Path,
         place: String,
         intrinsics: Intrinsics,
-        (pictures, reduced): (&Path, u32),
-        folder: &Path,
+        pictures: &mut PictureFolders<'_>,
     ) -> Result<Shot, Error> {
         let [w, x, y, z] = self.rotation;
         let rotation = DQuat::from_xyzw(x, y, z, w);
@@ -130,17 +228,16 @@ impl RawImage {
         let file = files::inside(&self.name).ok_or_else(|| {
             Error::text(path, place, "the name of a picture in the folder of pictures", format!("{:?}", self.name))
         })?;
-        let mask = ["masks", "mask"].iter().flat_map(|masks| {
-            // COLMAP's masks are named as the picture with .png after it.
-            let whole = folder.join(masks).join(format!("{}.png", file.display()));
-            [whole, folder.join(masks).join(file.with_extension("png"))]
-        });
+        let PictureFolders { folder, images, smaller, names } = pictures;
+        let mask = ["masks", "mask"].iter().find_map(|masks| names.companion(&folder.join(masks), &file));
         Ok(Shot {
             // Names name files elsewhere, so they have no folders.
             name: files::without_ending(&file).to_string_lossy().replace('/', "_"),
-            picture: pictures.join(&file),
-            reduced,
-            mask: mask.into_iter().find(|mask| mask.is_file()),
+            path: String::new(),
+            picture: images.join(&file),
+            smaller: smaller.as_ref().map(|(smaller, factor)| (smaller.join(&file), *factor)),
+            reduced: 1,
+            mask,
             intrinsics,
             world_from_camera: world_from_camera * OPENGL_FROM_OPENCV,
             position: -(world_from_camera * translation),
@@ -202,7 +299,9 @@ mod tests {
         let (focal, principal, lens) = camera_of(model, parameters).unwrap();
         let shot = Shot {
             name: String::new(),
+            path: String::new(),
             picture: PathBuf::new(),
+            smaller: None,
             reduced: 1,
             mask: None,
             intrinsics: Intrinsics { size: Some([640, 480]), focal, principal, lens },

@@ -23,11 +23,13 @@ pub(super) fn cameras(path: &Path) -> Result<Vec<(u32, RawCamera)>, Error> {
     Ok(cameras)
 }
 
-/// The images of `path` with their numbers. Each has two lines: its own, and that of its points, which may be empty.
-pub(super) fn images(path: &Path) -> Result<Vec<(u32, RawImage)>, Error> {
+/// The images of `path` with their numbers, and how many lack the line of their points. Each has two lines: its own, and
+/// that of its points, which may be empty.
+pub(super) fn images(path: &Path) -> Result<(Vec<(u32, RawImage)>, usize), Error> {
     let text = files::read_listing(path)?;
     let mut images = Vec::new();
-    let mut lines = text.lines().enumerate();
+    let mut lines = text.lines().enumerate().peekable();
+    let mut without_points = 0;
     while let Some((n, line)) = lines.next() {
         if !has_content(line) {
             continue;
@@ -43,9 +45,25 @@ pub(super) fn images(path: &Path) -> Result<Vec<(u32, RawImage)>, Error> {
         // Names may hold blanks.
         let name = fields.rest.to_owned();
         images.push((id, RawImage { rotation: [w, x, y, z], translation: [tx, ty, tz], camera, name }));
-        lines.next();
+        // The file may end after its last image.
+        let is_last = lines.peek().is_none();
+        let has_points = lines.next_if(|(_, line)| !is_image(line) && !line.trim_start().starts_with('#')).is_some();
+        without_points += usize::from(!has_points && !is_last);
     }
-    Ok(images)
+    Ok((images, without_points))
+}
+
+/// The number of lines of images in `path`.
+pub(super) fn count(path: &Path) -> Result<u64, Error> {
+    Ok(files::read_listing(path)?.lines().filter(|line| has_content(line) && is_image(line)).count() as u64)
+}
+
+/// True if `line` is that of an image: nine numbers and a name. A line of points has numbers alone.
+fn is_image(line: &str) -> bool {
+    let fields = line.split_whitespace();
+    let is_number = |field: &str| field.parse::<f64>().is_ok();
+    fields.clone().take(9).filter(|field| is_number(field)).count() == 9
+        && fields.skip(9).any(|field| !is_number(field))
 }
 
 fn has_content(line: &str) -> bool {
