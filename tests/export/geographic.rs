@@ -44,7 +44,7 @@ fn positions(seen: &Seen) -> Vec<DVec3> {
 
 /// Fails unless the positions `far` are those `near`, moved by `by`.
 fn check_places(near: &[DVec3], far: &[DVec3], by: DVec3, error: f64) {
-    assert_eq!(far.len(), near.len());
+    assert_eq!(far.len(), near.len(), "numbers of coordinates");
     let largest = near.iter().zip(far).map(|(near, far)| (near + by).distance(*far)).fold(0.0, f64::max);
     assert!(largest < error, "moved by another {largest}");
 }
