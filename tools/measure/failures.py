@@ -5,7 +5,7 @@
 
 The commands train, pack, export and, with --python, an interpreter with the package, the stages of a batch, write over whole files of
 an earlier run. After each failure those must be whole, old or new; the next run, an hour later by the times of the files, must make
-the same bytes as a run without failures and leave nothing else. DISK is a folder on a small file system, such as a tmpfs of 2 MB: all but a
+the same bytes as a run without failures and leave nothing else. DISK is a folder on a small file system, such as a tmpfs of 48 MB: all but a
 random part of what a command writes is filled, and a result that has no room must be where the message says. Ends with 1 if anything
 is lost or left. FOLDER takes the files and must not exist.
 """

@@ -180,6 +180,9 @@ pub(super) fn cameras(
     Ok(fitted.iter().map(Fitted::named_camera).collect())
 }
 
+/// The name of a split, and its cameras.
+pub(super) type SplitCameras = (&'static str, Vec<NamedCamera>);
+
 /// The cameras of the splits `names` of `capture`, and entries on pictures that cannot be decoded, and on sizes that are not as
 /// expected.
 pub(super) fn described(
@@ -187,7 +190,7 @@ pub(super) fn described(
     names: &[&'static str],
     folder: &Path,
     options: &LoadOptions,
-) -> Result<(Vec<(&'static str, Vec<NamedCamera>)>, Vec<InventoryEntry>), Error> {
+) -> Result<(Vec<SplitCameras>, Vec<InventoryEntry>), Error> {
     let (mut splits, mut all, mut unreadable) = (Vec::new(), Vec::new(), Vec::new());
     for &name in names {
         let (fitted, bad) = fitted(&selected(capture, name, options)?, &capture.listing, None, options)?;

@@ -12,6 +12,9 @@ use strivec_format::geometry::{Camera, Distortion, Lens, Projection};
 /// From a camera's axes in OpenCV (x right, y down, looking along +z) to those in OpenGL, and back.
 pub const OPENGL_FROM_OPENCV: DMat3 = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
 
+/// A file that may hold a picture made so many times smaller.
+pub(super) type SmallerPicture = (PathBuf, u32);
+
 /// A photograph, before its picture is looked at.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Shot {
@@ -22,8 +25,7 @@ pub(super) struct Shot {
     pub(super) path: String,
     /// The picture's file.
     pub(super) picture: PathBuf,
-    /// The file that may hold the picture made so many times smaller.
-    pub(super) smaller: Option<(PathBuf, u32)>,
+    pub(super) smaller: Option<SmallerPicture>,
     /// How many times smaller this file is than the photograph, by its folder's name; 1 for the photograph itself.
     pub(super) reduced: u32,
     /// A picture of the same size that is black where the photograph does not count.

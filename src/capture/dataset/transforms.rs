@@ -29,7 +29,7 @@ use super::json_number::{Number, with_quoted_numbers};
 use super::names::{NamesOfFolders, normal};
 use super::other_keys::{OtherKeys, RefusedKey};
 use super::records::BadRecords;
-use super::shot::{self, Focal, Intrinsics, MODELS, Shot, Split};
+use super::shot::{self, Focal, Intrinsics, MODELS, Shot, SmallerPicture, Split};
 use super::{Error, files};
 use strivec_format::geometry::{Aabb, Distortion, Lens, NotRigid, Projection, rigid};
 
@@ -265,7 +265,7 @@ impl TransformsReader<'_> {
     }
 
     /// Name and path of the picture of frame `n`, and the file that may hold it made smaller.
-    fn picture(&mut self, n: usize, file_path: &str) -> Result<(String, PathBuf, Option<(PathBuf, u32)>), Error> {
+    fn picture(&mut self, n: usize, file_path: &str) -> Result<(String, PathBuf, Option<SmallerPicture>), Error> {
         let key = format!("frame {n}: file_path");
         let refused = || Error::text(self.json, &key, "the path of a file", format_args!("{file_path:?}"));
         if file_path.trim_end().is_empty() || file_path.ends_with(['/', '\\']) {
