@@ -212,7 +212,7 @@ mod tests {
         let url = format!("http://{}/scene.strivec", server.local_addr().unwrap());
         let thread = std::thread::spawn(move || {
             let (mut client, _) = server.accept().unwrap();
-            client.read(&mut [0; 4096]).unwrap();
+            assert!(client.read(&mut [0; 4096]).unwrap() > 0, "a request");
             client.write_all(head.as_bytes()).unwrap();
             let mut sent = 0;
             for piece in body {

@@ -26,7 +26,7 @@ fn labels_and_endings_may_differ_in_case_or_from_the_files() {
     for ending in [".PNG", ".tif", ".png"] {
         let mut labeled = text.clone();
         (0..8).for_each(|n| {
-            labeled = labeled.replace(&format!("label=\"{n:05}\""), &format!("label=\"{n:05}{ending}\""))
+            labeled = labeled.replace(&format!("label=\"{n:05}\""), &format!("label=\"{n:05}{ending}\""));
         });
         fs::write(&path, labeled).unwrap();
         assert_same(&all(folder.path()).views, &expected);
