@@ -385,18 +385,24 @@ mod tests {
         let file = include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../fixtures/v1/f32.strivec"));
         let scene = decode(file).unwrap();
         let (center, size) = (scene.bounds.center(), scene.bounds.size());
-        let camera = Camera::looking_at([32, 32], 32.0, center + 1.5 * size, center, glam::DVec3::Z);
+        let camera = Camera::looking_at([32, 32], 32.0, center + 0.8 * size, center, glam::DVec3::Z);
         let together = CpuRenderer::new(&scene).unwrap();
-        let (picture, work) = together.render_with_work(&camera);
+        let (_, work) = together.render_with_work(&camera);
         assert!(work.samples > 1000, "{work:?}");
         let rays: Vec<Ray> = (0..1024).filter_map(|n| camera.ray(n % 32, n / 32)).collect();
         let infos = together.trace_info(&rays, true);
+        let same = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5);
         for sample_bytes in [0, 10_000, 100_000] {
             let apart = CpuRenderer { sample_bytes, ..together.clone() };
-            let (found, of_groups) = apart.render_with_work(&camera);
-            assert!(found == picture, "{sample_bytes} bytes");
+            let (_, of_groups) = apart.render_with_work(&camera);
             assert_eq!((of_groups.rays, of_groups.samples), (work.rays, work.samples));
-            assert_eq!(apart.trace_info(&rays, true), infos);
+            // Products of matrices with other numbers of rows may round differently.
+            for (found, info) in apart.trace_info(&rays, true).iter().zip(&infos) {
+                assert_eq!(found.samples, info.samples, "{sample_bytes} bytes");
+                let [found, expected] =
+                    [found, info].map(|i| [i.pixel.color[0], i.pixel.color[1], i.pixel.color[2], i.pixel.opacity]);
+                assert!(same(&found, &expected), "{sample_bytes} bytes: {found:?}, not {expected:?}");
+            }
         }
     }
 
