@@ -30,7 +30,7 @@ pub(super) struct Capture {
     pub(super) depth_maps: Vec<DepthMap>,
     /// Files that were read beside the listing and the points.
     pub(super) inputs: Vec<PathBuf>,
-    /// What the layout tells of files that are not used, or not there.
+    /// Files that the layout's reader does not use, or that do not exist.
     pub(super) entries: Vec<InventoryEntry>,
 }
 

@@ -29,7 +29,7 @@ pub struct Description {
     pub points: Option<PathBuf>,
     /// The scene's box in the dataset's space, if its files have one.
     pub bounds: Option<Aabb>,
-    /// What of the folder is used, and what is not.
+    /// The used, unused and absent files of the folder.
     pub inventory: Inventory,
 }
 

@@ -46,7 +46,7 @@ pub enum Error {
         path: PathBuf,
         /// The first picture's path.
         picture: PathBuf,
-        /// What is there instead of the first: the rest of a sentence.
+        /// The pictures that exist in place of the first, as the end of a sentence.
         instead: String,
         /// Number of pictures that do not exist.
         count: usize,

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use super::capture::Capture;
 use super::records::BadRecords;
-use super::shot::{Focal, Intrinsics, Shot};
+use super::shot::{Focal, Intrinsics, Shot, SmallerPicture};
 use super::{Error, files};
 use strivec_format::geometry::{Lens, NotRigid, rigid};
 use strivec_import::npy::Header;
@@ -80,7 +80,7 @@ fn shot(
     n: usize,
     row: &[f64; ROW],
     picture: PathBuf,
-    smaller: Option<(PathBuf, u32)>,
+    smaller: Option<SmallerPicture>,
 ) -> Result<Shot, Error> {
     let place = format!("pose {n}");
     let matrix: [&[f64; 5]; 3] = [0, 1, 2].map(|r| row[5 * r..].first_chunk().expect("a row of five"));
@@ -99,17 +99,5 @@ fn shot(
         lens: Lens::PINHOLE,
     };
     intrinsics.check(path, &place)?;
-    let name = picture.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    Ok(Shot {
-        name,
-        path: String::new(),
-        picture,
-        smaller,
-        reduced: 1,
-        mask: None,
-        intrinsics,
-        world_from_camera,
-        position,
-        split: None,
-    })
+    Ok(Shot { smaller, ..Shot::of(picture, intrinsics, world_from_camera, position) })
 }

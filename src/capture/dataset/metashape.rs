@@ -186,24 +186,12 @@ impl CamerasFile<'_> {
         }
         let (rotation, position) =
             rigid(&rows).map_err(|NotRigid { expected, found }| refuse("transform", expected, found))?;
-        let name = picture.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
         let intrinsics = match sensor.intrinsics {
             Some(known) => known,
             None => *sensor.intrinsics.insert(self.intrinsics(sensor.node)?),
         };
         let world_from_camera = rotation * OPENGL_FROM_OPENCV;
-        Ok(Shot {
-            name,
-            path: String::new(),
-            picture,
-            smaller,
-            reduced: 1,
-            mask: None,
-            intrinsics,
-            world_from_camera,
-            position,
-            split: None,
-        })
+        Ok(Shot { smaller, ..Shot::of(picture, intrinsics, world_from_camera, position) })
     }
 
     /// The intrinsics of `sensor`, by its adjusted calibration if it has one.

@@ -196,6 +196,22 @@ pub(super) fn whole_scale(size: [u32; 2], declared: [u32; 2]) -> Option<(u32, bo
 }
 
 impl Shot {
+    /// The photograph `picture`, known by the name of its file, without a mask, a split or a smaller picture.
+    pub(super) fn of(picture: PathBuf, intrinsics: Intrinsics, world_from_camera: DMat3, position: DVec3) -> Self {
+        Self {
+            name: picture.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
+            path: String::new(),
+            picture,
+            smaller: None,
+            reduced: 1,
+            mask: None,
+            intrinsics,
+            world_from_camera,
+            position,
+            split: None,
+        }
+    }
+
     /// The camera of a picture of `size` (columns and rows).
     pub(super) fn camera(&self, size: [u32; 2]) -> Camera {
         let (focal, principal) = self.intrinsics.for_size(size);

@@ -267,13 +267,13 @@ impl TransformsReader<'_> {
     /// Name and path of the picture of frame `n`, and the file that may hold it made smaller.
     fn picture(&mut self, n: usize, file_path: &str) -> Result<(String, PathBuf, Option<SmallerPicture>), Error> {
         let key = format!("frame {n}: file_path");
-        let refused = || Error::text(self.json, &key, "the path of a file", format_args!("{file_path:?}"));
+        let json = self.json;
+        let refused = || Error::text(json, &key, "the path of a file", format_args!("{file_path:?}"));
         if file_path.trim_end().is_empty() || file_path.ends_with(['/', '\\']) {
             return Err(refused());
         }
         let relative = self.relative(&key, file_path)?;
         let name = files::without_ending(&relative);
-        let refused = || Error::text(self.json, &key, "the path of a file", format_args!("{file_path:?}"));
         let name = name.file_name().and_then(|name| name.to_str()).ok_or_else(refused)?.to_owned();
         let parent = relative.parent().filter(|parent| !parent.as_os_str().is_empty());
         let smaller = parent.and_then(|parent| files::smaller(&self.folder.join(parent), self.downscale));

@@ -16,7 +16,7 @@ use super::capture::Capture;
 use super::inventory_entry::{Standing, relative_to};
 use super::names::NamesOfFolders;
 use super::records::BadRecords;
-use super::shot::{Focal, Intrinsics, MODELS, OPENGL_FROM_OPENCV, Shot, lens_of};
+use super::shot::{Focal, Intrinsics, MODELS, OPENGL_FROM_OPENCV, Shot, SmallerPicture, lens_of};
 use super::{Error, files};
 use strivec_format::geometry::Lens;
 
@@ -173,7 +173,7 @@ struct PictureFolders<'a> {
     folder: &'a Path,
     images: PathBuf,
     /// The folder of pictures that were made so many times smaller.
-    smaller: Option<(PathBuf, u32)>,
+    smaller: Option<SmallerPicture>,
     names: NamesOfFolders,
 }
 
