@@ -31,22 +31,22 @@ pub fn build_prior(
         if observer.stop() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     let counts = built.counts;
-    let listed = |parts: &[(u64, &str)]| {
+    let listed = |parts: &[(u64, [&str; 2])]| {
         let parts = parts.iter().filter(|(n, _)| *n > 0);
-        parts.map(|(n, what)| format!("{} {what}", grouped(*n))).collect::<Vec<_>>().join(", ")
+        parts.map(|(n, what)| format!("{} {}", grouped(*n), what[usize::from(*n != 1)])).collect::<Vec<_>>().join(", ")
     };
     let read = listed(&[
-        (counts.triangles, "triangles"),
-        (counts.degenerate, "of them without area"),
-        (counts.points, "points"),
-        (counts.outliers, "of them outliers"),
-        (counts.cells, "cells of grids"),
+        (counts.triangles, ["triangle", "triangles"]),
+        (counts.degenerate, ["of them without area"; 2]),
+        (counts.points, ["point", "points"]),
+        (counts.outliers, ["of them an outlier", "of them outliers"]),
+        (counts.cells, ["cell of grids", "cells of grids"]),
     ]);
     let mut left_out = listed(&[
-        (counts.withheld, "withheld points"),
-        (counts.noise, "points of the noise classes 7 and 18"),
-        (counts.transparent, "splats of low opacity"),
-        (counts.not_finite, "points or triangles that are not finite"),
+        (counts.withheld, ["withheld point", "withheld points"]),
+        (counts.noise, ["point of the noise classes 7 and 18", "points of the noise classes 7 and 18"]),
+        (counts.transparent, ["splat of low opacity", "splats of low opacity"]),
+        (counts.not_finite, ["point or triangle that is not finite", "points or triangles that are not finite"]),
     ]);
     if !left_out.is_empty() {
         left_out.insert_str(0, "; left out: ");

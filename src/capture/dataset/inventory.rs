@@ -26,7 +26,7 @@ const GEOMETRY: [&str; 9] = ["ply", "obj", "pcd", "las", "laz", "e57", "xyz", "g
 /// Parts of the names of folders with something else than photographs.
 const COMPANIONS: [&str; 7] = ["depth", "distance", "normal", "semantic", "label", "instance", "flow"];
 
-/// What of a dataset's folder is used, and what is not.
+/// The files of a dataset's folder by whether they are used, and those it names that are not there.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Inventory {
     /// All entries, the most important ones first.
@@ -235,7 +235,7 @@ impl Capture {
         let depth_maps = self.depth_maps.iter().map(|map| (&map.path, "depth map"));
         let masks = self.shots.iter().filter_map(|shot| Some((shot.mask.as_ref()?, "mask")));
         let photographs = self.shots.iter().map(|shot| (&shot.picture, PHOTOGRAPH));
-        // Of several uses, the last is told.
+        // A file with several uses gets the last one's name.
         let used = inputs.chain(depth_maps).chain(masks).chain(photographs);
         used.map(|(path, what)| (path.clone(), what)).collect()
     }

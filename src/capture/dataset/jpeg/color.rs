@@ -50,7 +50,7 @@ fn rgb([y, cb, cr]: [u8; 3]) -> [u8; 3] {
     [red, green, blue].map(|value| value.clamp(0, 255) as u8)
 }
 
-/// What is left of the light `ink` under `black`, both inverted.
+/// The light that passes both one ink and black, each given as the light that it lets through, rounded.
 #[inline]
 fn under(ink: u8, black: u8) -> u8 {
     ((u32::from(ink) * u32::from(black) * 2 + 255) / 510) as u8
