@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{DMat4, DVec3};
+use glam::DMat4;
 
 use crate::dataset;
-use strivec_format::geometry::Aabb;
-use strivec_import::{Fault, ImportError, LeftOut, Point, Visitor};
+use strivec_import::{Fault, ImportError, Transformed, Visitor};
 
 /// A scan's mesh.
 pub(super) struct ScanMesh {
@@ -32,53 +31,7 @@ pub(super) fn scan_of(path: &Path) -> Result<Option<ScanMesh>, ImportError> {
 impl ScanMesh {
     /// A visitor that aligns geometry and passes it to `visitor`.
     pub(super) fn aligned<'a>(&'a self, visitor: &'a mut dyn Visitor) -> impl Visitor + 'a {
-        Aligned { visitor, alignment: self.alignment }
-    }
-}
-
-struct Aligned<'a> {
-    visitor: &'a mut dyn Visitor,
-    alignment: DMat4,
-}
-
-impl Aligned<'_> {
-    fn turn(&self, point: Point) -> Result<Point, Fault> {
-        // The largest finite coordinates may become infinite.
-        Point::new(self.alignment.transform_point3(point.position), point.color, || "an aligned vertex".into())
-    }
-}
-
-impl Visitor for Aligned<'_> {
-    fn point(&mut self, point: Point) -> Result<(), Fault> {
-        let point = self.turn(point)?;
-        self.visitor.point(point)
-    }
-
-    fn triangle(&mut self, [a, b, c]: [Point; 3]) -> Result<(), Fault> {
-        let corners = [self.turn(a)?, self.turn(b)?, self.turn(c)?];
-        self.visitor.triangle(corners)
-    }
-
-    fn splat(&mut self, center: Point, axes: [DVec3; 3]) -> Result<(), Fault> {
-        let center = self.turn(center)?;
-        self.visitor.splat(center, axes.map(|axis| self.alignment.transform_vector3(axis)))
-    }
-
-    fn not_finite(&mut self, fault: Fault) -> Result<(), Fault> {
-        self.visitor.not_finite(fault)
-    }
-
-    fn left_out(&mut self, reason: LeftOut) {
-        self.visitor.left_out(reason);
-    }
-
-    fn cell(&mut self, _: &Aabb, _: Option<[u8; 3]>) -> Result<(), Fault> {
-        // A rotated cell is not a box. Meshes have no cells.
-        Err(Fault::unsupported("a scan's grid", "use its mesh"))
-    }
-
-    fn progress(&mut self, done: u64, total: u64) -> Result<(), Fault> {
-        self.visitor.progress(done, total)
+        Transformed { visitor, transform: self.alignment, place: &|| "an aligned vertex".into() }
     }
 }
 
@@ -86,7 +39,10 @@ impl Visitor for Aligned<'_> {
 mod tests {
     use std::fs;
 
+    use glam::DVec3;
+
     use super::*;
+    use strivec_import::Point;
     use strivec_import::testing::Seen;
 
     fn scan(text: &str) -> tempfile::TempDir {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Fault, ImportError, Input, ReadOptions, Visitor};
+use super::{Fault, ImportError, Input, ReadOptions, Visitor, beside};
 use super::{arrays, colmap, e57, gltf, las, obj, octomap, off, pcd, ply, splats, stl, xyz};
 
 /// The supported formats, with one reader each.
@@ -44,12 +44,16 @@ pub enum Format {
     Spz,
     /// Gaussian splats as records of 32 bytes.
     Splat,
+    /// Gaussian splats as SOG, bundled.
+    Sog,
+    /// The `meta.json` of Gaussian splats as SOG.
+    SogMeta,
     /// The depth maps that a `transforms.json` names.
     DepthMaps,
 }
 
 /// File name extensions and their formats.
-const ENDINGS: [(&str, Format); 28] = [
+const ENDINGS: [(&str, Format); 29] = [
     ("ply", Format::Ply),
     ("obj", Format::Obj),
     ("gltf", Format::Gltf),
@@ -58,6 +62,7 @@ const ENDINGS: [(&str, Format); 28] = [
     ("off", Format::Off),
     ("spz", Format::Spz),
     ("splat", Format::Splat),
+    ("sog", Format::Sog),
     ("xyz", Format::Xyz),
     ("xyzn", Format::XyzNormals),
     ("xyzrgb", Format::XyzColors),
@@ -90,9 +95,14 @@ impl Format {
         match path.file_name().and_then(|n| n.to_str()) {
             Some("points3D.bin") => return Ok(Self::ColmapBinary),
             Some("points3D.txt") => return Ok(Self::ColmapText),
+            Some(splats::SOG_META) => return Ok(Self::SogMeta),
+            Some("lod-meta.json") => return Err(converted("SOG in levels of detail")),
             _ => {}
         }
         let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+        if ending == "ksplat" {
+            return Err(converted("the extension .ksplat"));
+        }
         ENDINGS.iter().find(|(known, _)| *known == ending).map(|(_, format)| *format).ok_or_else(|| {
             let known: Vec<_> = ENDINGS.iter().map(|(known, _)| format!(".{known}")).collect();
             let found = if ending.is_empty() { "no extension".into() } else { format!("the extension .{ending}") };
@@ -102,7 +112,12 @@ impl Format {
     }
 }
 
-/// Reads the geometry of the file `path`, or of the points of a folder of COLMAP's: in itself, or in `0` or `sparse/0`.
+/// The error for splats as `what`.
+fn converted(what: &str) -> Fault {
+    Fault::unsupported(what, "convert it to SOG, SPZ or PLY, for example by splat-transform")
+}
+
+/// Reads the geometry of the file `path`, or of a folder: SOG, or the points of COLMAP's in itself, or in `0` or `sparse/0`.
 ///
 /// # Errors
 ///
@@ -114,11 +129,11 @@ pub fn read(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> Re
     }
     let folders = ["", "0", "sparse/0"].map(|folder| path.join(folder));
     let points = folders.iter().flat_map(|folder| ["points3D.bin", "points3D.txt"].map(|name| folder.join(name)));
-    match points.into_iter().find(|file| file.is_file()) {
+    match points.chain([path.join(splats::SOG_META)]).find(|file| file.is_file()) {
         Some(file) => read_file(&file, options, visitor),
         None => Err(Fault::broken(
             "the folder",
-            "it has neither a ScanNet scene nor, in itself, 0 or sparse/0, COLMAP's points3D.bin or points3D.txt",
+            "it has neither a ScanNet scene, nor the meta.json of SOG, nor, in itself, 0 or sparse/0, COLMAP's points3D.bin or points3D.txt",
         )
         .of(path)),
     }
@@ -131,7 +146,7 @@ fn read_file(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> R
     let read = match format {
         Format::Ply => ply::read(input, options, visitor),
         Format::Obj => obj::read(input, options, visitor),
-        Format::Gltf => gltf::read(input, &|name| gltf::beside(path, name), options, visitor),
+        Format::Gltf => gltf::read(input, &|name| beside(path, name), options, visitor),
         Format::Stl => stl::read(input, options, visitor),
         Format::Off => off::read(input, options, visitor),
         Format::Xyz => xyz::read(input, options, visitor),
@@ -146,6 +161,8 @@ fn read_file(path: &Path, options: &ReadOptions, visitor: &mut dyn Visitor) -> R
         Format::Octomap => octomap::read(input, options, visitor),
         Format::Spz => splats::read_spz(input, options, visitor),
         Format::Splat => splats::read_records(input, options, visitor),
+        Format::Sog => splats::read_sog(input, options, visitor),
+        Format::SogMeta => splats::read_sog_meta(input, &|name| beside(path, name), options, visitor),
         Format::Torch => Err(Fault::unsupported("a checkpoint of PyTorch", "read it with `strivec_checkpoints`")),
         Format::DepthMaps => Err(Fault::unsupported("a list of depth maps", "read it with `strivec_capture`")),
     };

@@ -7,6 +7,7 @@
 
 pub mod archive;
 pub mod arrays;
+mod beside;
 pub mod colmap;
 pub mod e57;
 mod error;
@@ -26,10 +27,13 @@ pub mod splats;
 pub mod stl;
 #[doc(hidden)]
 pub mod testing;
+mod transformed;
 mod visitor;
 pub mod xyz;
 
+pub use beside::beside;
 pub use error::{Fault, ImportError};
 pub use format::{Format, read};
 pub use input::Input;
+pub use transformed::Transformed;
 pub use visitor::{LeftOut, Point, ReadOptions, Visitor};

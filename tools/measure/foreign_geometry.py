@@ -253,12 +253,13 @@ def write_splat_transform(folder):
     folder.points(source.name, "plyfile", tolerance=1e-9)
     version = subprocess.run(["splat-transform", "--version"], capture_output=True, text=True, check=True)
     version = (version.stdout + version.stderr).split()[1].removeprefix("v")
-    # Half of SPZ's step, and of 1/2047 of a packed chunk.
-    for ending, tolerance in (("ply", 1e-9), ("compressed.ply", 1e-3), ("spz", 2e-4)):
+    # Half of SPZ's step, and of 1/2047 of a packed chunk; SOG rounds 16 bits of logarithms down.
+    signs = {"spz": [1, -1, -1], "glb": [-1, -1, 1]}
+    for ending, tolerance in (("ply", 1e-9), ("compressed.ply", 1e-3), ("spz", 2e-4), ("sog", 1e-3), ("glb", 1e-6)):
         file = f"splat-transform.{ending}"
         subprocess.run(["splat-transform", "-w", source, folder.path / file], capture_output=True, check=True)
-        # SPZ's y and z point up and back, those of the PLY down and to the front.
-        turned = position * ([1, -1, -1] if ending == "spz" else 1)
+        # SPZ's y and z point up and back, glTF's x and y left and up, those of the PLY right, down and to the front.
+        turned = position * signs.get(ending, 1)
         folder.add(file, "splat-transform", "points", len(position), turned, color, tolerance, version)
 
 

@@ -32,7 +32,7 @@ Examples:
   strivec prior show prior.npz --data lego --out sheet.png
 
 Reads PLY, OBJ, STL, OFF, glTF and GLB meshes; PLY, XYZ, XYZN, XYZRGB, TXT, CSV, PTS, NPY, PCD, LAS, LAZ and E57 \
-clouds; COLMAP's points3D.bin and .txt; Gaussian splats as PLY, .splat and SPZ; DVGO's and TensoRF's checkpoints; NPY and NPZ grids; OctoMap's .bt and .ot; a ScanNet scene's folder. \
+clouds; COLMAP's points3D.bin and .txt; Gaussian splats as PLY, .splat, SPZ, SOG and in glTF; DVGO's and TensoRF's checkpoints; NPY and NPZ grids; OctoMap's .bt and .ot; a ScanNet scene's folder. \
 Several inputs are joined. The output opens in NumPy: cells, origin, pitch and, if there are colors, colors.";
 
 /// The arguments.

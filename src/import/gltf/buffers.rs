@@ -1,9 +1,6 @@
 //! The bytes of a document's buffers and buffer views, loaded and decompressed on first use.
 
 use std::cell::{Cell, OnceCell};
-use std::fs::File;
-use std::io::Read;
-use std::path::Path;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -11,13 +8,14 @@ use gltf::json::buffer::View;
 use gltf::json::{Buffer, Index};
 
 use super::super::Fault;
+use super::super::Input;
+use super::super::beside::{MAX_BESIDE, check_name};
 use super::super::error::excerpt;
+use super::super::splats::SpzSplats;
 use super::document::{Document, get};
 use super::draco;
 use super::meshopt::Meshopt;
 
-/// Bytes of the separate files of a glTF file, of one and of all together.
-const MAX_BESIDE: u64 = 8 << 30;
 /// Decompressed bytes of a document, whatever its size, and beyond that per byte of its buffers. A byte of meshoptimizer
 /// can stand for 1024; Draco has no bound, and shrinks a flat grid of a million vertices by 124.
 const MIN_ROOM: u64 = 16 << 20;
@@ -36,6 +34,8 @@ pub(super) struct Buffers<'a> {
     decompressed: Vec<OnceCell<Vec<u8>>>,
     /// \[buffer view\], of those with Draco streams.
     meshes: Vec<OnceCell<draco::DracoMesh>>,
+    /// \[buffer view\], of those with SPZ streams.
+    splats: Vec<OnceCell<SpzSplats>>,
     bytes_loaded: Cell<u64>,
     bytes_decompressed: Cell<u64>,
 }
@@ -54,6 +54,7 @@ impl<'a> Buffers<'a> {
             bytes_beside: Cell::new(0),
             decompressed: (0..views).map(|_| OnceCell::new()).collect(),
             meshes: (0..views).map(|_| OnceCell::new()).collect(),
+            splats: (0..views).map(|_| OnceCell::new()).collect(),
             bytes_loaded: Cell::new(blob.as_ref().map_or(0, |blob| blob.len() as u64)),
             bytes_decompressed: Cell::new(0),
             blob,
@@ -120,6 +121,20 @@ impl<'a> Buffers<'a> {
         Ok(cell.get_or_init(|| mesh))
     }
 
+    /// The splats of the SPZ stream in buffer view `index`.
+    pub(super) fn spz(&self, index: Index<View>) -> Result<&SpzSplats, Fault> {
+        let source = self.view(index)?;
+        let cell = &self.splats[index.value()];
+        if let Some(splats) = cell.get() {
+            return Ok(splats);
+        }
+        let of_stream =
+            |fault: Fault| Fault::broken(format!("the SPZ stream in buffer view {index}"), fault.to_string());
+        let splats = SpzSplats::read(&mut Input::from_bytes(source)).map_err(of_stream)?;
+        self.charge(splats.len())?;
+        Ok(cell.get_or_init(|| splats))
+    }
+
     /// `length` bytes of `buffer` from byte `start` on; `place` names what refers to them.
     fn part(&self, buffer: Index<Buffer>, start: u64, length: u64, place: &dyn Fn() -> String) -> Result<&[u8], Fault> {
         let bytes = self.bytes(buffer)?;
@@ -156,43 +171,9 @@ impl<'a> Buffers<'a> {
         check_name(&name)?;
         let bytes = (self.beside)(&name)?;
         self.bytes_beside.set(self.bytes_beside.get().saturating_add(bytes.len() as u64));
-        Fault::unless_within("bytes of separate buffers", MAX_BESIDE, self.bytes_beside.get())?;
+        Fault::unless_within("bytes of separate files", MAX_BESIDE, self.bytes_beside.get())?;
         Ok(bytes)
     }
-}
-
-/// The bytes of the file `name` in the folder of the glTF file `path`.
-///
-/// # Errors
-///
-/// If the file cannot be read or lies outside the folder.
-pub fn beside(path: &Path, name: &str) -> Result<Vec<u8>, Fault> {
-    check_name(name)?;
-    let wrong = |problem: &str| Fault::broken(format!("the buffer \"{name}\""), problem);
-    let unreadable = |error: std::io::Error| wrong(&format!("cannot read the file: {error}"));
-    let path = path.parent().unwrap_or(Path::new("")).join(name);
-    // Check that it is a file before opening it: opening a pipe would block.
-    let metadata = path.metadata().map_err(unreadable)?;
-    if !metadata.is_file() {
-        return Err(wrong("it is not a regular file"));
-    }
-    Fault::unless_within("bytes of a separate buffer", MAX_BESIDE, metadata.len())?;
-    let mut bytes = Vec::with_capacity(metadata.len() as usize);
-    File::open(path).map_err(unreadable)?.take(MAX_BESIDE).read_to_end(&mut bytes)?;
-    Ok(bytes)
-}
-
-/// Checks that `name` is relative and stays in its folder on every system.
-fn check_name(name: &str) -> Result<(), Fault> {
-    let leaves = name.starts_with('/') || name.contains(['\\', ':', '\0']) || name.split('/').any(|part| part == "..");
-    if name.is_empty() || leaves {
-        let what = format!("a buffer at {}", excerpt(name.as_bytes()));
-        return Err(Fault::unsupported(
-            what,
-            "move it into the folder of the glTF file and name it by a relative path",
-        ));
-    }
-    Ok(())
 }
 
 /// `uri` with its %XX decoded; `None` if the result is not UTF-8.

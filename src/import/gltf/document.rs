@@ -6,7 +6,7 @@ use serde::Deserialize;
 
 use super::super::Fault;
 use super::super::error::excerpt;
-use super::normalize::{DECODED, few, one};
+use super::normalize::{DECODED, few, meshes, one};
 
 /// Corners of all instances of all meshes.
 const MAX_CORNERS: u64 = 1 << 32;
@@ -60,7 +60,7 @@ pub(super) struct Document {
     pub(super) buffers: Vec<Buffer>,
     #[serde(default, deserialize_with = "few")]
     pub(super) buffer_views: Vec<View>,
-    #[serde(default, deserialize_with = "few")]
+    #[serde(default, deserialize_with = "meshes")]
     pub(super) meshes: Vec<Mesh>,
     #[serde(default, deserialize_with = "few")]
     pub(super) nodes: Vec<Node>,

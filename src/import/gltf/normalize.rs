@@ -8,18 +8,32 @@ use serde::de::{DeserializeSeed, Error as _, IgnoredAny, MapAccess, SeqAccess, V
 use serde::{Deserialize, Deserializer};
 use serde_json::{Map, Value};
 
-use super::{draco, meshopt};
+use super::{draco, meshopt, splats};
 
 /// Entries of one list, and values of one entry. Two characters of JSON may become hundreds of bytes in memory.
 const MAX_ENTRIES: usize = 1 << 20;
 /// The extensions whose contents are read; those of others are dropped.
-pub(super) const DECODED: [&str; 3] = [draco::NAME, meshopt::NAMES[0], meshopt::NAMES[1]];
+pub(super) const DECODED: [&str; 6] =
+    [draco::NAME, meshopt::NAMES[0], meshopt::NAMES[1], splats::NAME, splats::SPZ_NAMES[0], splats::SPZ_NAMES[1]];
 /// 2^53: larger whole numbers are not exact as floats.
 const MAX_WHOLE: f64 = 9007199254740992.0;
 
 /// A list of at most [`MAX_ENTRIES`].
 pub(super) fn few<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D) -> Result<Vec<T>, D::Error> {
-    struct Few<T>(PhantomData<T>);
+    few_of(list, |_| {})
+}
+
+/// A list of at most [`MAX_ENTRIES`] meshes. The attributes of splats, whose names the types do not know, become a part
+/// of the extension.
+pub(super) fn meshes<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D) -> Result<Vec<T>, D::Error> {
+    few_of(list, |mesh| {
+        let primitives = mesh.get_mut("primitives").and_then(Value::as_array_mut);
+        primitives.into_iter().flatten().for_each(splats::move_attributes);
+    })
+}
+
+fn few_of<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D, adjust: fn(&mut Value)) -> Result<Vec<T>, D::Error> {
+    struct Few<T>(fn(&mut Value), PhantomData<T>);
     impl<'de, T: Deserialize<'de>> Visitor<'de> for Few<T> {
         type Value = Vec<T>;
 
@@ -29,16 +43,17 @@ pub(super) fn few<'de, D: Deserializer<'de>, T: Deserialize<'de>>(list: D) -> Re
 
         fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Vec<T>, A::Error> {
             let mut entries = Vec::new();
-            while let Some(entry) = list.next_element_seed(Normal { left: &mut MAX_ENTRIES.clone() })? {
+            while let Some(mut entry) = list.next_element_seed(Normal { left: &mut MAX_ENTRIES.clone() })? {
                 if entries.len() == MAX_ENTRIES {
                     return Err(A::Error::invalid_length(MAX_ENTRIES + 1, &self));
                 }
+                (self.0)(&mut entry);
                 entries.push(T::deserialize(entry).map_err(A::Error::custom)?);
             }
             Ok(entries)
         }
     }
-    list.deserialize_seq(Few(PhantomData))
+    list.deserialize_seq(Few(adjust, PhantomData))
 }
 
 /// One entry.

@@ -15,7 +15,7 @@ use super::document::CornerBudget;
 use super::draco::Draco;
 
 /// Corners charged for a primitive itself, so that empty ones are limited too.
-const PRIMITIVE_COST: u64 = 64;
+pub(super) const PRIMITIVE_COST: u64 = 64;
 /// Corners between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 17;
 
@@ -147,12 +147,12 @@ impl<'b> Primitive<'b> {
 }
 
 /// The type of an accessor, for errors.
-fn types(values: &Values<'_>) -> String {
+pub(super) fn types(values: &Values<'_>) -> String {
     format!("{}{:?} of {:?}", if values.normalized { "normalized " } else { "" }, values.shape, values.component)
 }
 
 /// The sRGB byte of a linear value in \[0, 1\]. The table is finer than the steps of a byte everywhere.
-fn srgb(linear: f64) -> u8 {
+pub(super) fn srgb(linear: f64) -> u8 {
     static BYTES: LazyLock<Vec<u8>> = LazyLock::new(|| {
         let encoded = |x: f64| if x <= 0.0031308 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
         (0..=u16::MAX).map(|n| (encoded(f64::from(n) / 65535.0) * 255.0).round() as u8).collect()

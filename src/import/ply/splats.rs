@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::super::splats::{Splat, color_of, sigmoid};
+use super::super::splats::{Splat, color_of, sigmoid, with_largest};
 use super::super::{Fault, ReadOptions, Visitor};
 use super::body::BodyReader;
 use super::header::{Kind, PlyElement};
@@ -140,12 +140,5 @@ fn eleven_ten_eleven(bits: u32) -> [f64; 3] {
 /// number.
 fn smallest_three(bits: u32) -> [f64; 4] {
     let component = |shift: u32| (f64::from(bits >> shift & 1023) / 1023.0 - 0.5) * std::f64::consts::SQRT_2;
-    let [a, b, c] = [component(20), component(10), component(0)];
-    let largest = (1.0 - a * a - b * b - c * c).max(0.0).sqrt();
-    match bits >> 30 {
-        0 => [largest, a, b, c],
-        1 => [a, largest, b, c],
-        2 => [a, b, largest, c],
-        _ => [a, b, c, largest],
-    }
+    with_largest((bits >> 30) as usize, [component(20), component(10), component(0)])
 }

@@ -1,15 +1,21 @@
-//! 3D Gaussian splats (Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023): SPZ, and
-//! the 32-byte records of `.splat`. Splats in PLY files are read by `ply`.
+//! 3D Gaussian splats (Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering", 2023): SPZ, SOG, and
+//! the 32-byte records of `.splat`. Splats in PLY files are read by `ply`, those in glTF by `gltf`.
 //!
 //! A splat is passed on with its extent. Its opacity is its confidence; splats below [`ReadOptions::min_opacity`] are
 //! left out and counted. Its color is that of degree 0 of the spherical harmonics.
 
 mod records;
+mod sog;
 mod spz;
+#[cfg(test)]
+mod tests;
 
 use glam::{DQuat, DVec3};
 
 pub use records::read as read_records;
+pub(super) use sog::META as SOG_META;
+pub use sog::{read as read_sog, read_meta as read_sog_meta};
+pub(super) use spz::SpzSplats;
 pub use spz::read as read_spz;
 
 use super::{Fault, LeftOut, Point, ReadOptions, Visitor};
@@ -70,12 +76,33 @@ impl Splat {
     }
 }
 
+/// Reports progress at every 65536th splat: `n` of `count` are passed on, of a file of `bytes` bytes.
+pub(super) fn report(n: u64, count: u64, bytes: u64, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+    if !n.is_multiple_of(1 << 16) {
+        return Ok(());
+    }
+    visitor.progress((bytes as f64 * n as f64 / count as f64) as u64, bytes)
+}
+
 /// The opacity of an unbounded number.
 pub(super) fn sigmoid(value: f64) -> f64 {
     1.0 / (1.0 + (-value).exp())
 }
 
+/// The channels of a color, mostly in \[0, 1\], of coefficients of degree 0.
+pub(super) fn channels_of(coefficients: [f64; 3]) -> [f64; 3] {
+    coefficients.map(|value| 0.5 + HARMONIC * value)
+}
+
 /// The sRGB color of coefficients of degree 0.
 pub(super) fn color_of(coefficients: [f64; 3]) -> [u8; 3] {
-    coefficients.map(|value| byte(0.5 + HARMONIC * value))
+    channels_of(coefficients).map(byte)
+}
+
+/// The unit quaternion w, x, y, z without its component `largest`, 0 to 3, which is positive; `others` has the rest in
+/// their order.
+pub(super) fn with_largest(largest: usize, others: [f64; 3]) -> [f64; 4] {
+    let rest = (1.0 - others.iter().map(|value| value * value).sum::<f64>()).max(0.0).sqrt();
+    let mut others = others.into_iter();
+    std::array::from_fn(|n| if n == largest { rest } else { others.next().unwrap_or_default() })
 }

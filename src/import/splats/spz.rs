@@ -16,7 +16,7 @@ use half::f16;
 use super::super::archive::reading;
 use super::super::input::bytes_at;
 use super::super::{Fault, Input, ReadOptions, Visitor};
-use super::{Splat, color_of};
+use super::{Splat, color_of, report};
 
 /// First bytes of the header.
 const MAGIC: &[u8] = b"NGSP";
@@ -40,14 +40,48 @@ const ARRAYS: [&str; 5] = ["the centers", "the opacities", "the colors", "the sc
 /// If the file breaks the format, and those of `visitor`.
 pub fn read(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn Visitor) -> Result<(), Fault> {
     let len = input.len();
-    let (header, arrays) = if input.peek(4)? == MAGIC { read_frames(input)? } else { read_gzip(input)? };
-    for n in 0..header.count {
-        if n % (1 << 16) == 0 {
-            visitor.progress((len as f64 * n as f64 / header.count as f64) as u64, len)?;
-        }
-        header.splat(&arrays, n).pass(options, visitor, || format!("splat {n}"))?;
+    SpzSplats::read(input)?.pass(options, len, visitor)
+}
+
+/// The splats of a file.
+pub(crate) struct SpzSplats {
+    header: SpzHeader,
+    arrays: [Vec<u8>; 5],
+}
+
+impl SpzSplats {
+    /// Decompresses `input`.
+    ///
+    /// # Errors
+    ///
+    /// If the file breaks the format.
+    pub(crate) fn read(input: &mut Input<'_>) -> Result<Self, Fault> {
+        let (header, arrays) = if input.peek(4)? == MAGIC { read_frames(input)? } else { read_gzip(input)? };
+        Ok(Self { header, arrays })
     }
-    Ok(())
+
+    pub(crate) fn count(&self) -> u64 {
+        self.header.count as u64
+    }
+
+    /// Bytes in memory.
+    pub(crate) fn len(&self) -> u64 {
+        self.arrays.iter().map(|array| array.len() as u64).sum()
+    }
+
+    /// Passes the splats to `visitor`. `bytes` is the length of the file, for progress.
+    ///
+    /// # Errors
+    ///
+    /// If a coordinate is not finite, and those of `visitor`.
+    pub(crate) fn pass(&self, options: &ReadOptions, bytes: u64, visitor: &mut dyn Visitor) -> Result<(), Fault> {
+        let Self { header, arrays } = self;
+        for n in 0..header.count {
+            report(n as u64, header.count as u64, bytes, visitor)?;
+            header.splat(arrays, n).pass(options, visitor, || format!("splat {n}"))?;
+        }
+        Ok(())
+    }
 }
 
 /// Versions 1 to 3.
