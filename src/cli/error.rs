@@ -303,6 +303,7 @@ const FLAGS: [(&str, &str); 35] = [
     ("every", "--every"),
     ("files", "--prior"),
     ("force", "--force"),
+    ("harmonics", "--harmonics"),
     ("max_memory", "--max-memory"),
     ("max_reprojection_error", "--max-error"),
     ("min_alpha", "--min-alpha"),

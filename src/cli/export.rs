@@ -17,7 +17,7 @@ use strivec_checkpoints::authors::{AuthorsFiles, authors_files};
 use strivec_checkpoints::tensorf_checkpoint;
 use strivec_export as interop;
 use strivec_export::{
-    CoarseCoordinates, DvgoOptions, OccupancyOptions, Space, SurfaceOptions, dvgo_checkpoint, surface,
+    CoarseCoordinates, DvgoOptions, OccupancyOptions, Space, Splats, SurfaceOptions, dvgo_checkpoint, surface,
 };
 use strivec_format::digits::grouped;
 use strivec_format::escape::escaped_path;
@@ -30,17 +30,19 @@ Examples:
   strivec export lego.strivec -o lego.glb --resolution 512 --min-triangles 100
   strivec export lego.strivec -o cloud.ply --as points
   strivec export lego.strivec -o start.ply --as splats
+  strivec export lego.strivec -o lego.sog --harmonics 2
   strivec export lego.strivec -o occupancy.npz
   strivec export lego.strivec -o coarse_last.tar
   strivec export tensorf.strivec -o tensorf.th
   strivec export lego.strivec -o lego.th --as authors
   strivec export lego.strivec -o factors.npz --as factors
 
-The kind is that of --as; without it, .ply, .obj and .glb are meshes, .npz is an occupancy, .tar is a DVGO checkpoint, and .th is one of TensoRF.
+The kind is that of --as; without it, .ply, .obj and .glb are meshes, .spz and .sog are splats, .npz is an occupancy, .tar is a DVGO checkpoint, and .th is one of TensoRF.
 
 mesh: the closed surface at which a step of a ray has the opacity --alpha, with normals, and with the colors that it shows \
-against them (.glb: without lighting). points: the same without triangles. splats: a flat Gaussian at each point, in the \
-layout of the first implementation, for trainers to start from. occupancy: the cells outside of which the scene is empty, \
+against them (.glb: without lighting). points: the same without triangles. splats: a flat Gaussian at each point; .ply in the \
+layout of the first implementation, for trainers to start from, .spz and .sog for viewers. With --harmonics, colors depend on the direction. \
+SPZ points up where PLY and SOG point down: its y and z have the opposite signs. occupancy: the cells outside of which the scene is empty, \
 occupancy [z][y][x] and bounds. dvgo: densities and colors without direction on a grid, which DVGO loads as a coarse model. tensorf: the parameters of a scene of one tensor, as `strivec import` reads them. authors: the same of tensor clouds, \
 for the Strivec authors' program: beside NAME.th are NAME.txt, the configuration, and NAME_centers_S.txt, the centers of scale \
 S, or NAME_meta.pkl. That program derives centers from points; pass these ones as its `geo` instead. factors: all arrays of the scene, \
@@ -77,6 +79,9 @@ pub(super) struct Args {
     /// Remove connected parts of the surface of fewer triangles [default: 0, keep all]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     min_triangles: u32,
+    /// Splats: degree of the spherical harmonics, 0 to 3; 0 gives a splat the color that it shows against the normal
+    #[arg(long, value_name = "DEGREE", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=3))]
+    harmonics: u32,
     /// Unbounded scenes: also export the surroundings of the inner cube, up to 64 of its half edges away
     #[arg(long)]
     surroundings: bool,
@@ -90,7 +95,7 @@ enum Kind {
     Mesh,
     /// Points of the surface: .ply
     Points,
-    /// 3D Gaussian splats on the surface: .ply
+    /// 3D Gaussian splats on the surface: .ply, .spz or .sog
     Splats,
     /// Occupied cells: .npz
     Occupancy,
@@ -106,13 +111,14 @@ enum Kind {
 
 impl Kind {
     /// The kinds to choose from by a file's extension: those whose extensions name no other kind before them.
-    const BY_EXTENSION: [Self; 4] = [Self::Mesh, Self::Occupancy, Self::Dvgo, Self::Tensorf];
+    const BY_EXTENSION: [Self; 5] = [Self::Mesh, Self::Splats, Self::Occupancy, Self::Dvgo, Self::Tensorf];
 
     /// The extensions of files of this kind.
     fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::Mesh => &["ply", "obj", "glb"],
-            Self::Points | Self::Splats => &["ply"],
+            Self::Points => &["ply"],
+            Self::Splats => &["ply", "spz", "sog"],
             Self::Occupancy | Self::Factors => &["npz"],
             Self::Dvgo => &["tar"],
             Self::Tensorf | Self::Authors => &["th"],
@@ -175,6 +181,9 @@ enum ExportContents {
 /// Writes the file.
 pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let (kind, extension) = kind_and_extension(args)?;
+    if args.harmonics > 0 && kind != Kind::Splats {
+        return Err(Error::Usage("--harmonics is for splats".into()));
+    }
     let _reserved = check_output(&args.output, session.force)?;
     let (scene_file, _) = scene_file::read(&args.file, &session.console)?;
     let start = Instant::now();
@@ -210,8 +219,17 @@ fn export(kind: Kind, extension: &str, scene: &Scene, args: &Args, session: &Con
             if kind == Kind::Points {
                 mesh.triangles = Vec::new();
             }
-            write(&mut |file| match (kind, extension) {
-                (Kind::Splats, _) => Ok(interop::write_splats(&mesh, file)?),
+            let splats = if kind == Kind::Splats {
+                let progress = Progress::start(&session.console, "color", 100);
+                let fitted = |done, all| progress.set(100 * done / all, String::new);
+                Some(Splats::with_harmonics(&mesh, scene, space, args.harmonics, &fitted).map_err(failed())?)
+            } else {
+                None
+            };
+            write(&mut |file| match (&splats, extension) {
+                (Some(splats), "spz") => interop::write_spz(splats, file),
+                (Some(splats), "sog") => interop::write_sog(splats, file),
+                (Some(splats), _) => Ok(interop::write_splats(splats, file)?),
                 (_, "obj") => Ok(interop::write_obj(&mesh, file)?),
                 (_, "glb") => interop::write_glb(&mesh, space.up(&scene.frame), file),
                 _ => Ok(interop::write_ply(&mesh, file)?),
@@ -326,7 +344,7 @@ fn kind_and_extension(args: &Args) -> Result<(Kind, String), Error> {
     let is_of = |kind: &Kind| kind.extensions().contains(&extension.as_str());
     match args.kind.or(Kind::BY_EXTENSION.into_iter().find(is_of)) {
         None => {
-            let known = "name it .ply, .obj, .glb, .npz, .tar or .th";
+            let known = "name it .ply, .obj, .glb, .spz, .sog, .npz, .tar or .th";
             Err(Error::Usage(format!("{path}: no kind of file has the extension {extension:?}; {known}")))
         }
         Some(kind) if !is_of(&kind) => {

@@ -44,6 +44,16 @@ pub enum Error {
     /// The scene takes more memory than it may.
     #[error(transparent)]
     Memory(#[from] OverMemory),
+    /// A coordinate is beyond those of the file's format.
+    #[error("a coordinate of {found} is beyond the {limit} of {format}; write PLY, or export in model space")]
+    TooFar {
+        /// The file's format.
+        format: &'static str,
+        /// The largest coordinate of the format.
+        limit: f64,
+        /// The largest coordinate of the scene.
+        found: f64,
+    },
     /// The scene cannot be a checkpoint.
     #[error(transparent)]
     Checkpoint(#[from] strivec_checkpoints::Error),

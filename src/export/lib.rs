@@ -35,5 +35,5 @@ pub use obj::write_obj;
 pub use occupancy::{OccupancyGrid, OccupancyOptions, write_occupancy};
 pub use ply::write_ply;
 pub use space::Space;
-pub use splats::write_splats;
+pub use splats::{Splats, write_sog, write_splats, write_spz};
 pub use surface::{SurfaceOptions, surface};

@@ -6,14 +6,11 @@ use super::layers::{BLOCK, vertices_of_block};
 use super::marching::{MAX_RESOLUTION, NOTHING, march};
 use super::mesh::{normals, remove_small_parts};
 use super::sampling::{Sampler, farthest};
-use super::shading::{Shader, ray_against};
+use super::shading::Shader;
 use super::{Error, Mesh, Space};
 use strivec_format::geometry::{Aabb, Contraction};
 use strivec_format::model::{Rules, Scene};
 use strivec_format::{Invalid, Place};
-
-/// How far in front of a vertex the ray begins that finds its color, in march steps.
-const STEPS_IN_FRONT: f64 = 2.0;
 
 /// Settings of [`surface`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -114,13 +111,6 @@ fn expand(contraction: &Contraction, contracted: DVec3) -> DVec3 {
 
 /// The colors of vertices in model space, seen against their normals.
 fn colors(sampler: Sampler, positions: &[DVec3], normals: &[DVec3]) -> Vec<[f32; 3]> {
-    let rules = &sampler.field.rules;
-    let (step, contraction) = (rules.step, rules.contraction);
-    // Contracted space is about as much smaller than the scene.
-    let stretch = move |point: DVec3| contraction.map_or(1.0, |_| point.abs().max_element().max(1.0));
     let shader = Shader::new(sampler.field);
-    shader.colors(
-        (positions.iter().zip(normals))
-            .map(|(&point, &normal)| ray_against(normal, point, STEPS_IN_FRONT * step * stretch(point))),
-    )
+    shader.colors(positions.iter().zip(normals).map(|(&point, &normal)| shader.ray_against(normal, point)))
 }

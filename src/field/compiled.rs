@@ -17,6 +17,13 @@ pub trait Compiled: Sized {
     fn trace(renderer: &CpuRenderer<Self>, rays: &[Ray]) -> Vec<Pixel>;
     /// [`CpuRenderer::trace_info`].
     fn trace_info(renderer: &CpuRenderer<Self>, rays: &[Ray], has_normals: bool) -> Vec<TraceInfo>;
+    /// [`CpuRenderer::trace_toward`].
+    fn trace_toward(
+        renderer: &CpuRenderer<Self>,
+        rays: &[Ray],
+        count: usize,
+        toward: &(dyn Fn(&Ray, usize) -> DVec3 + Sync),
+    ) -> Vec<Pixel>;
     /// [`Field::densities`].
     fn densities(field: &Field<Self>, point: &(dyn Fn(usize) -> DVec3 + Sync), densities: &mut [Self]);
     /// [`Field::appearances`].
@@ -36,6 +43,15 @@ macro_rules! compile {
 
             fn trace_info(renderer: &CpuRenderer<Self>, rays: &[Ray], has_normals: bool) -> Vec<TraceInfo> {
                 renderer.trace_info_inlined(rays, has_normals)
+            }
+
+            fn trace_toward(
+                renderer: &CpuRenderer<Self>,
+                rays: &[Ray],
+                count: usize,
+                toward: &(dyn Fn(&Ray, usize) -> DVec3 + Sync),
+            ) -> Vec<Pixel> {
+                renderer.trace_toward_inlined(rays, count, toward)
             }
 
             fn densities(field: &Field<Self>, point: &(dyn Fn(usize) -> DVec3 + Sync), densities: &mut [Self]) {

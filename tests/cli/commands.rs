@@ -413,6 +413,8 @@ fn exports_are_of_the_kind_of_their_extension() {
         ("a.glb", &[], "mesh", b"glTF"),
         ("points.ply", &["--as", "points"], "points", b"ply\n"),
         ("splats.ply", &["--as", "splats"], "splats", b"ply\n"),
+        ("a.spz", &[], "splats", b"\x1f\x8b"),
+        ("a.sog", &["--harmonics", "1"], "splats", b"PK"),
         ("a.npz", &[], "occupancy", b"PK"),
         ("a.tar", &[], "dvgo", b"PK"),
     ] {
@@ -423,10 +425,12 @@ fn exports_are_of_the_kind_of_their_extension() {
         assert_eq!(code(&export(output, &[more, &["--force"]].concat())), 0, "{output}");
     }
     assert!(failure(&export("a.xyz", &[]), 1).contains("no kind of file has the extension \"xyz\""));
-    assert!(failure(&export("a", &["--as", "splats"]), 1).contains("has the extension .ply, not \"\""));
+    assert!(failure(&export("a", &["--as", "splats"]), 1).contains("has the extension .ply or .spz or .sog, not \"\""));
+    assert!(failure(&export("b.ply", &["--harmonics", "1"]), 1).contains("--harmonics is for splats"));
+    assert!(failure(&export("b.sog", &["--harmonics", "4"]), 1).contains("--harmonics"));
     let empty = failure(&export("b.ply", &["--min-triangles", "1000000"]), 4);
     assert!(empty.contains("b.ply: no density has a surface at an --alpha of 0.02; "), "{empty}");
-    assert_eq!(fs::read_dir(&folder).unwrap().count(), 7, "nothing is left of what failed");
+    assert_eq!(fs::read_dir(&folder).unwrap().count(), 9, "nothing is left of what failed");
 }
 
 #[test]

@@ -7,3 +7,4 @@ mod formats;
 mod geographic;
 #[path = "../scenes/mod.rs"]
 mod scenes;
+mod splats;

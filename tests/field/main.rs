@@ -7,4 +7,5 @@ mod per_ray;
 #[path = "../scenes/mod.rs"]
 mod scenes;
 mod sky;
+mod toward;
 mod vectors;

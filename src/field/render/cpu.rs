@@ -177,6 +177,47 @@ impl<T: Real> CpuRenderer<T> {
         Some(glam::DVec3::from(fall).try_normalize()?.as_vec3())
     }
 
+    /// \[ray\]\[n\] the pixels of `rays` as the decoder colors them for the directions `toward(ray, n)`, n from 0 to below
+    /// `count`: the samples and their weights are those of the rays themselves.
+    pub fn trace_toward(
+        &self,
+        rays: &[Ray],
+        count: usize,
+        toward: &(dyn Fn(&Ray, usize) -> glam::DVec3 + Sync),
+    ) -> Vec<Pixel> {
+        T::trace_toward(self, rays, count, toward)
+    }
+
+    #[inline(always)]
+    pub(crate) fn trace_toward_inlined(
+        &self,
+        rays: &[Ray],
+        count: usize,
+        toward: &(dyn Fn(&Ray, usize) -> glam::DVec3 + Sync),
+    ) -> Vec<Pixel> {
+        map_chunks(
+            rays,
+            #[inline(always)]
+            |chunk, scratch: &mut TileScratch<T>| {
+                let mut pixels = Vec::with_capacity(count * chunk.len());
+                let mut seen = Vec::with_capacity(chunk.len());
+                self.march_in_parts(chunk, scratch, |rays, scratch| {
+                    let start = pixels.len();
+                    pixels.resize(start + count * rays.len(), Pixel::default());
+                    for n in 0..count {
+                        seen.clear();
+                        seen.extend(rays.iter().map(|ray| Ray { direction: toward(ray, n), ..*ray }));
+                        let mut places = pixels[start..].iter_mut().skip(n).step_by(count);
+                        self.shade_part(&seen, scratch, |pixel, _, _| {
+                            *places.next().expect("one pixel per ray") = pixel;
+                        });
+                    }
+                });
+                pixels
+            },
+        )
+    }
+
     /// Calls `take` with the pixel of each of `rays`, in their order, the ray's index in the samples, and those. Returns time
     /// and counts by stage.
     #[inline(always)]
@@ -186,6 +227,44 @@ impl<T: Real> CpuRenderer<T> {
         scratch: &mut TileScratch<T>,
         mut take: impl FnMut(Pixel, usize, &Samples<T>),
     ) -> Work {
+        let mut work = Work::default();
+        self.march_in_parts(
+            rays,
+            scratch,
+            #[inline(always)]
+            |rays, scratch| {
+                self.shade_part(rays, scratch, &mut take);
+                work.add(&scratch.samples.clock.work);
+            },
+        );
+        work
+    }
+
+    /// Calls `shade` with parts of `rays`, in their order, once `scratch` has the samples of the part: as many rays as fit
+    /// into the memory for samples.
+    #[inline(always)]
+    fn march_in_parts(
+        &self,
+        rays: &[Ray],
+        scratch: &mut TileScratch<T>,
+        mut shade: impl FnMut(&[Ray], &mut TileScratch<T>),
+    ) {
+        let (mut left, mut together) = (rays, rays.len());
+        while !left.is_empty() {
+            together = together.min(left.len());
+            while !self.field.march_within(&left[..together], &mut scratch.samples, self.sample_bytes) {
+                together = together.div_ceil(2);
+            }
+            let part;
+            (part, left) = left.split_at(together);
+            shade(part, scratch);
+        }
+    }
+
+    /// Calls `take` with the pixel of each of `rays`, whose samples `scratch` has, in their order, the ray's index, and the
+    /// samples.
+    #[inline(always)]
+    fn shade_part(&self, rays: &[Ray], scratch: &mut TileScratch<T>, mut take: impl FnMut(Pixel, usize, &Samples<T>)) {
         let TileScratch { samples, activations } = scratch;
         // In parts, so that the rows of a part are still in the cache from layer to layer.
         let max_shaded = match self.field.decoder.mode {
@@ -193,27 +272,16 @@ impl<T: Real> CpuRenderer<T> {
             // One row per ray.
             DecoderMode::PerRay | DecoderMode::Residual => usize::MAX,
         };
-        let (mut work, mut left, mut together) = (Work::default(), rays, rays.len());
-        while !left.is_empty() {
-            together = together.min(left.len());
-            while !self.field.march_within(&left[..together], samples, self.sample_bytes) {
-                together = together.div_ceil(2);
+        let mut first = 0;
+        while first < rays.len() {
+            let count = self.field.select_some_shaded(samples, first, max_shaded, None, &mut activations.shaded);
+            self.field.decode(&rays[first..first + count], samples, activations);
+            for (r, ray) in rays[first..first + count].iter().enumerate() {
+                take(self.pixel(r, first + r, ray, samples, activations), first + r, samples);
             }
-            let rays;
-            (rays, left) = left.split_at(together);
-            let mut first = 0;
-            while first < rays.len() {
-                let count = self.field.select_some_shaded(samples, first, max_shaded, None, &mut activations.shaded);
-                self.field.decode(&rays[first..first + count], samples, activations);
-                for (r, ray) in rays[first..first + count].iter().enumerate() {
-                    take(self.pixel(r, first + r, ray, samples, activations), first + r, samples);
-                }
-                samples.clock.lap(Stage::Composite);
-                first += count;
-            }
-            work.add(&samples.clock.work);
+            samples.clock.lap(Stage::Composite);
+            first += count;
         }
-        work
     }
 
     /// The pixel of the ray `line` of index `ray`, whose index in `activations` is `decoded`. Twin:
