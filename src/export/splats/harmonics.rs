@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::super::shading::Shader;
-use super::super::{Mesh, Space};
+use super::super::{Error, Mesh, Space};
 use strivec_field::Field;
 use strivec_format::geometry::Ray;
 use strivec_format::model::{Scene, Sky};
@@ -75,13 +75,17 @@ fn least_squares(directions: &[DVec3], degree: u32) -> Vec<Vec<f64>> {
 /// A splat is seen from outside alone, so a direction from inside has the color of its mirror image at the surface. Then the
 /// normal equations are those of the whole sphere, the same for all splats, and the fit is as good as any in terms that are
 /// even about the surface, which are complete on the half of the sphere.
+///
+/// # Errors
+///
+/// If the scene takes more memory than it may.
 pub(super) fn fitted(
     mesh: &Mesh,
     scene: &Scene,
     space: Space,
     degree: u32,
     progress: &dyn Fn(u64, u64),
-) -> Vec<[f32; 3]> {
+) -> Result<Vec<[f32; 3]>, Error> {
     let from_model = space.map_from_model(&scene.frame);
     let to_model = from_model.inverse();
     let directions = directions();
@@ -110,7 +114,7 @@ pub(super) fn fitted(
         }
         progress(end as u64, mesh.positions.len() as u64);
     }
-    coefficients
+    Ok(coefficients)
 }
 
 #[cfg(test)]

@@ -80,7 +80,7 @@ impl Splats {
     ///
     /// # Errors
     ///
-    /// If `degree` is larger than 3.
+    /// If `degree` is larger than 3, or the scene takes more memory than it may.
     pub fn with_harmonics(
         mesh: &Mesh,
         scene: &Scene,
@@ -93,7 +93,7 @@ impl Splats {
         if degree == 0 {
             return Ok(flat);
         }
-        Ok(Self { degree, coefficients: harmonics::fitted(mesh, scene, space, degree, progress), ..flat })
+        Ok(Self { degree, coefficients: harmonics::fitted(mesh, scene, space, degree, progress)?, ..flat })
     }
 
     /// Number of splats.
