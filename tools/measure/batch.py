@@ -36,17 +36,19 @@ def datasets(folder, count, size, layouts=LAYOUTS):
     return made
 
 
-def batch_of(folders, output, steps):
-    """The batch of the datasets in `folders`, and of one that is broken."""
+def batch_of(folders, output, steps, is_quick=False):
+    """The batch of the datasets in `folders`, and of one that is broken; with small models, hardly measured, if `is_quick`."""
     broken = folders[0].parent / "broken"
     if not broken.exists():
         broken.mkdir()
         (broken / "transforms_train.json").write_text('{"camera_angle_x": 0.7, "frames": [{"file_path": "absent"', encoding="utf-8")
     scenes = "".join(f'[[scene]]\nname = "{path.name}"\ndataset = "{path}"\n{prior(path)}' for path in [*folders, broken])
+    train = 'set = ["sampling.batch_rays=64"], max_params = 100000' if is_quick else 'set = ["sampling.batch_rays=256"]'
+    effort = 0.1 if is_quick else 1
     text = f"""
 output = "{output}"
-defaults.train = {{ preset = "preview", steps = {steps}, set = ["sampling.batch_rays=256"], checkpoint_every = {max(steps // 8, 1)} }}
-defaults.pack = {{ lossless = true, no_prefixes = true }}
+defaults.train = {{ preset = "preview", steps = {steps}, {train}, checkpoint_every = {max(steps // 8, 1)} }}
+defaults.pack = {{ lossless = true, no_prefixes = true, effort = {effort} }}
 defaults.evaluate = {{ split = "test" }}
 {scenes}"""
     return specification.read(text, "batch")

@@ -35,6 +35,21 @@ def web_player():
     return (pathlib.Path(strivec.__file__).parent / "web").is_dir()
 
 
+def with_less_work(example):
+    """The code of an example for users with a smaller model, which is hardly measured."""
+    for words, less in (
+        ('settings("24")', 'settings("preview")'),
+        ('["batch_rays"] = 1024', '["batch_rays"] = 64'),
+        ('["batch_rays"] = 512', '["batch_rays"] = 64'),
+        ("steps=3000", "steps=200, max_params=100_000"),
+        ("steps=600", "steps=200, max_params=100_000"),
+        ('target_size="1MB"', 'target_size="1MB", effort=0.1'),
+        ('quality="balanced"', 'quality="balanced", effort=0.1'),
+    ):
+        example = example.replace(words, less)
+    return example
+
+
 def fixture(name):
     """A scene of the format's test vectors."""
     return strivec.Scene.load(FIXTURES / f"{name}.strivec")

@@ -272,7 +272,7 @@ class Batches(unittest.TestCase):
 
     def test_stages_of_one_scene_without_ray(self):
         (scene,) = measured.datasets(self.path, 1, 24)
-        batch = measured.batch_of([scene], f"flaky://{self.path.name}", 200)
+        batch = measured.batch_of([scene], f"flaky://{self.path.name}", 200, is_quick=True)
         keys, done = {}, []
         for name in stages.wanted(batch.jobs[0]):
             one = stages.run(batch.output, batch.jobs[0], name, keys, 1)
@@ -288,10 +288,11 @@ class Batches(unittest.TestCase):
 
     def test_a_training_goes_on_from_the_checkpoint_of_another_machine(self):
         (scene,) = measured.datasets(self.path, 1, 24)
-        whole, cut = (measured.batch_of([scene], str(self.path / name), 400) for name in ("whole", "cut"))
+        whole, cut = (measured.batch_of([scene], str(self.path / name), 400, is_quick=True) for name in ("whole", "cut"))
         job = whole.jobs[0]
-        plan = stages.run(whole.output, job, "plan", {}, 1)
-        expected = stages.run(whole.output, job, "train", {"plan": plan.key}, 1)
+        prior, there = ({"prior": stages.run(batch.output, job, "prior", {}, 1).key} for batch in (whole, cut))
+        self.assertEqual(prior, there)
+        expected = stages.run(whole.output, job, "train", prior, 1)
 
         class Death(BaseException):
             """Of a machine, as far as the store knows."""
@@ -306,10 +307,10 @@ class Batches(unittest.TestCase):
         stages.Work.told = dying
         try:
             with self.assertRaises(Death):
-                stages.run(cut.output, job, "train", {}, 1)
+                stages.run(cut.output, job, "train", prior, 1)
         finally:
             stages.Work.told = told
-        one = stages.run(cut.output, job, "train", {}, 1)
+        one = stages.run(cut.output, job, "train", prior, 1)
         files = [
             store.Store(url).read(f"objects/train/{key}/scene.strivec")
             for url, key in ((whole.output, expected.key), (cut.output, one.key))
@@ -320,7 +321,7 @@ class Batches(unittest.TestCase):
     def test_a_batch_survives_the_death_of_a_machine(self):
         folders = measured.datasets(self.path, 3, 24)
         output = self.path / "done"
-        jobs, _, killed = measured.run(measured.batch_of(folders, output, 300), kills=(0,))
+        jobs, _, killed = measured.run(measured.batch_of(folders, output, 300, is_quick=True), kills=(0,))
         self.assertEqual(killed, 1)
         self.assertEqual([one.state for one in jobs], ["done", "done", "done", "failed"], [one.error for one in jobs])
         self.assertEqual(measured.begun_again(output), [])

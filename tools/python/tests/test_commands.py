@@ -29,8 +29,8 @@ class Commands(unittest.TestCase):
         dataset, file = self.dataset(), self.path / "scene.strivec"
         events = []
         settings = strivec.settings("fast")
-        settings["sampling"]["batch_rays"] = 256
-        result = strivec.train(dataset, file, settings=settings, steps=300, prior=[dataset / "mesh.ply"], callback=events.append)
+        settings["sampling"]["batch_rays"] = 64
+        result = strivec.train(dataset, file, settings=settings, steps=300, max_params=100_000, prior=[dataset / "mesh.ply"], callback=events.append)
         self.assertEqual(result["steps"], 300)
         self.assertTrue(any(isinstance(event, strivec.Message) for event in events), events)
         progress = [event for event in events if isinstance(event, strivec.Progress) and event.task == "train"]
@@ -39,7 +39,7 @@ class Commands(unittest.TestCase):
         self.assertEqual(scene.info()["preset"], "fast")
         report = strivec.evaluate(scene, dataset, split="test")
         self.assertGreater(report["psnr"], 10.0)
-        strivec.pack(scene, self.path / "packed.strivec", lossless=True, no_prefixes=True)
+        strivec.pack(scene, self.path / "packed.strivec", lossless=True, no_prefixes=True, effort=0.1)
         self.assertLess((self.path / "packed.strivec").stat().st_size, file.stat().st_size)
         self.assertEqual(strivec.dataset(dataset)["splits"][0]["photographs"], 8)
 

@@ -5,7 +5,7 @@ import re
 import tempfile
 import unittest
 
-from common import FIXTURES, ROOT, strivec
+from common import FIXTURES, ROOT, strivec, with_less_work
 
 
 class Readme(unittest.TestCase):
@@ -23,9 +23,8 @@ class Readme(unittest.TestCase):
         exec(examples[0], names)
         self.assertEqual(names["picture"].color.shape, (400, 400, 3))
         self.assertEqual(names["sigma"].shape, (1,))
-        # Less work, and over the file that is there.
-        example = examples[1].replace('settings("24")', 'settings("preview")').replace("= 1024", "= 256")
-        example = example.replace("steps=3000", "steps=200, force=True")
+        # Over the file that is there.
+        example = with_less_work(examples[1]).replace("steps=200", "steps=200, force=True")
         exec(example, names)
         self.assertEqual(strivec.Scene.load("small.strivec").info()["steps"], 200)
 
