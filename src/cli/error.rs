@@ -290,7 +290,7 @@ fn format_of(bytes: &[u8]) -> String {
 }
 
 /// The flags of the library's options. Other options, such as most of a configuration's, have no flag.
-const FLAGS: [(&str, &str); 35] = [
+const FLAGS: [(&str, &str); 36] = [
     ("alpha", "--alpha"),
     ("background", "--set photographs.background"),
     ("bounds", "--bounds"),

@@ -8,8 +8,8 @@ use std::io::Cursor;
 
 use glam::DVec3;
 use strivec_export::{
-    CoarseCoordinates, Mesh, OccupancyOptions, Space, write_factors, write_glb, write_obj, write_occupancy, write_ply,
-    write_splats,
+    CoarseCoordinates, Mesh, OccupancyOptions, Space, Splats, write_factors, write_glb, write_obj, write_occupancy,
+    write_ply, write_splats,
 };
 use strivec_format::geometry::Similarity;
 use strivec_format::model::Scene;
@@ -125,7 +125,7 @@ fn the_loss_of_formats_of_32_bits_is_stated() {
     let CoarseCoordinates { spacing, .. } = mesh.coarse_coordinates().expect("a loss");
     assert_eq!((spacing, stated.spacing), (0.5, 0.5));
     let mut bytes = Vec::new();
-    write_splats(&mesh, &mut bytes).unwrap();
+    write_splats(&Splats::new(&mesh), &mut bytes).unwrap();
     let found = seen(&bytes, ply::read).splats;
     let errors = mesh.positions.iter().zip(&found).map(|(expected, (center, _))| (expected - center.position).abs());
     let largest = errors.fold(DVec3::ZERO, DVec3::max).max_element();

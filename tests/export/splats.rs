@@ -199,7 +199,7 @@ fn harmonics_follow_the_decoder_better_with_each_degree() {
     let scene = scene();
     let mesh = mesh_of(&scene);
     let map = scene.frame.model_from_dataset;
-    let mut field = Field::<f32>::new(&scene);
+    let mut field = Field::<f32>::new(&scene).unwrap();
     (field.background, field.rules.min_weight, field.near_far[0]) = ([0.0; 3], 0.0, 0.0);
     let distance = 2.0 * field.rules.step;
     let renderer = CpuRenderer::from_field(field);

@@ -23,7 +23,7 @@ fn permuted(direction: DVec3) -> DVec3 {
 
 /// `scene` with a decoder that has for a direction the color of `scene` for its permuted one.
 fn with_permuted_decoder(mut scene: Scene) -> Scene {
-    let [direction, _, encoded] = Field::<f64>::new(&scene).decoder.input_parts();
+    let [direction, _, encoded] = Field::<f64>::new(&scene).unwrap().decoder.input_parts();
     let frequencies = scene.decoder.direction_frequencies as usize;
     let layer = &mut scene.decoder.layers[0];
     for row in layer.weights.chunks_exact_mut(layer.inputs as usize) {
@@ -41,12 +41,12 @@ fn the_decoder_sees_other_directions_and_the_march_does_not() {
         let scene = scene(mode);
         let camera = scenes::camera(20, 0.7);
         let rays: Vec<Ray> = (0..400).map(|n| camera.ray(n % 20, n / 20).unwrap()).collect();
-        let renderer = CpuRenderer::<f64>::from_field(Field::new(&scene));
+        let renderer = CpuRenderer::<f64>::from_field(Field::new(&scene).unwrap());
         let own = renderer.trace(&rays);
         let toward = |ray: &Ray, n: usize| [ray.direction, permuted(ray.direction)][n];
         let found = renderer.trace_toward(&rays, 2, &toward);
         assert!(found.iter().step_by(2).eq(own.iter()), "{mode:?}: their own directions change no bit");
-        let permuted = CpuRenderer::<f64>::from_field(Field::new(&with_permuted_decoder(scene))).trace(&rays);
+        let permuted = CpuRenderer::<f64>::from_field(Field::new(&with_permuted_decoder(scene)).unwrap()).trace(&rays);
         let mut changed = 0;
         for ((a, b), own) in found.iter().skip(1).step_by(2).zip(&permuted).zip(&own) {
             assert!((0..3).all(|c| (a.color[c] - b.color[c]).abs() < 1e-6), "{mode:?}: {a:?} and {b:?}");
