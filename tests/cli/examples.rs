@@ -64,7 +64,7 @@ steps = 100
 [prior]
 voxels = 60000
 steps = [100, 150]
-rays = 512
+rays = 256
 [[scales]]
 pitch = [0.4, 0.4, 0.4]
 edge = [0.6, 0.6, 0.6]
@@ -72,6 +72,8 @@ resolutions = [[7, 7, 7], [10, 10, 10]]
 density_rank = 8
 appearance_rank = 8
 top_k = 2
+[decoder]
+hidden = [32]
 [finish]
 from = 1.0
 ";

@@ -33,6 +33,8 @@ resolutions = [[7, 7, 7], [10, 10, 10]]
 density_rank = 8
 appearance_rank = 8
 top_k = 2
+[decoder]
+hidden = [32]
 [finish]
 from = 1.0
 ";
@@ -181,10 +183,8 @@ fn views_follow_refined_poses_and_an_opaque_capture_has_behind_it_what_is_seen_p
     let folder = temporary.path();
     fs::write(folder.join("tiny.toml"), SETTINGS).unwrap();
     run(folder, &["synth", "data", "--views", "12", "--test-views", "3", "--size", "24x24", "--seed", "6"]);
-    run(
-        folder,
-        &["train", "data", "-o", "a.strivec", "--config", "tiny.toml", "--quiet", "--set", "poses.refine=true"],
-    );
+    let train = ["train", "data", "-o", "a.strivec", "--config", "tiny.toml", "--quiet"];
+    run(folder, &[&train[..], &["--set", "poses.refine=true", "--set", "decoder.hidden=[128, 128]"]].concat());
     assert_eq!(json(folder, &["info", "a.strivec"])["background"], serde_json::json!([1.0, 1.0, 1.0]));
     let eval =
         |poses: &[&str]| json(folder, &[&["eval", "a.strivec", "data"], poses].concat())["psnr"].as_f64().unwrap();

@@ -43,7 +43,7 @@ def batch_of(folders, output, steps, is_quick=False):
         broken.mkdir()
         (broken / "transforms_train.json").write_text('{"camera_angle_x": 0.7, "frames": [{"file_path": "absent"', encoding="utf-8")
     scenes = "".join(f'[[scene]]\nname = "{path.name}"\ndataset = "{path}"\n{prior(path)}' for path in [*folders, broken])
-    train = 'set = ["sampling.batch_rays=64"], max_params = 100000' if is_quick else 'set = ["sampling.batch_rays=256"]'
+    train = 'set = ["sampling.batch_rays=64", "decoder.hidden=[32]"], max_params = 100000' if is_quick else 'set = ["sampling.batch_rays=256"]'
     effort = 0.1 if is_quick else 1
     text = f"""
 output = "{output}"

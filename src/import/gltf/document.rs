@@ -114,7 +114,8 @@ impl Document {
             return Err(unsupported(INSTANCING));
         }
         // Without it, splats are bare points, transparent ones, too.
-        if let Some(name) = preamble.extensions_used.iter().find(|name| name.starts_with(SPLATTING)) {
+        let is_unknown = |name: &&String| name.starts_with(SPLATTING) && !DECODED.contains(&name.as_str());
+        if let Some(name) = preamble.extensions_used.iter().find(is_unknown) {
             let what = format!("the extension {}", excerpt(name.as_bytes()));
             return Err(Fault::unsupported(what, "export the splats as PLY or SPZ"));
         }

@@ -268,8 +268,11 @@ fn extensions_are_refused_by_name() {
     }
     let name = "EXT_mesh_gpu_instancing";
     assert_eq!(fault(&with(&[("/extensionsUsed", json!([name]))])), refused(name));
-    let splats = fault(&with(&[("/extensionsUsed", json!(["KHR_gaussian_splatting"]))]));
-    assert_eq!(splats, "the extension \"KHR_gaussian_splatting\" is not supported: export the splats as PLY or SPZ");
+    let splats = fault(&with(&[("/extensionsUsed", json!(["KHR_gaussian_splatting_other"]))]));
+    assert_eq!(
+        splats,
+        "the extension \"KHR_gaussian_splatting_other\" is not supported: export the splats as PLY or SPZ"
+    );
 }
 
 #[test]
