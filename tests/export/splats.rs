@@ -92,7 +92,7 @@ fn splats_lie_flat_on_the_surface() {
 /// Fails unless the splats of `found` are those of `expected` in any order: centers within `center`, axes within the share
 /// `axis` of the longest one, colors within `color`.
 fn check_same(expected: &Seen, found: &Seen, center: f64, axis: f64, color: u8) {
-    assert_eq!(found.splats.len(), expected.splats.len());
+    assert_eq!(found.splats.len(), expected.splats.len(), "the number of splats");
     let sorted = |seen: &Seen| {
         let mut splats = seen.splats.clone();
         splats.sort_by(|(a, _), (b, _)| a.position.x.total_cmp(&b.position.x));
