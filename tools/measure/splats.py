@@ -50,9 +50,19 @@ def centers(splats):
     return np.stack([splats[axis] for axis in "xyz"], axis=1)
 
 
+def opacities(splats):
+    return 1 / (1 + np.exp(-splats["opacity"]))
+
+
+def unit_rotations(splats):
+    """Quaternions w, x, y, z."""
+    rotations = columns(splats, "rot", 4)
+    return rotations / np.linalg.norm(rotations, axis=1, keepdims=True)
+
+
 def covariances(splats):
     """Those of the Gaussians, n x 3 x 3."""
-    w, x, y, z = (columns(splats, "rot", 4) / np.linalg.norm(columns(splats, "rot", 4), axis=1, keepdims=True)).T
+    w, x, y, z = unit_rotations(splats).T
     rotations = np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -141,7 +151,7 @@ def prepared(path):
         "centers": centers(splats),
         "covariances": covariances(splats),
         "harmonics": harmonics(splats),
-        "opacities": 1 / (1 + np.exp(-splats["opacity"])),
+        "opacities": opacities(splats),
     }
 
 
@@ -196,17 +206,20 @@ def show(name, off, rms):
     print(f"  {name}: root mean square {rms:.3g}, 99.9 % {tail:.3g}, at most {most:.3g}")
 
 
+def properties(splats):
+    """What is compared component by component, each n x components."""
+    return {
+        "centers": centers(splats),
+        "logarithms of scales": columns(splats, "scale", 3),
+        "opacity": opacities(splats)[:, None],
+        "degree 0": columns(splats, "f_dc", 3),
+        "degrees 1 to 3": harmonics(splats)[:, 1:].reshape(len(splats["x"]), -1),
+    }
+
+
 def values(arguments):
     reference = read_ply(arguments.files[0])
-    expected = {
-        "centers": centers(reference),
-        "logarithms of scales": columns(reference, "scale", 3),
-        "opacity": (1 / (1 + np.exp(-reference["opacity"])))[:, None],
-        "degree 0": columns(reference, "f_dc", 3),
-        "degrees 1 to 3": harmonics(reference)[:, 1:].reshape(len(reference["x"]), -1),
-    }
-    rotations = columns(reference, "rot", 4)
-    rotations /= np.linalg.norm(rotations, axis=1, keepdims=True)
+    expected, rotations = properties(reference), unit_rotations(reference)
     for path in arguments.files[1:]:
         splats = read_ply(path)
         order = matched(expected["centers"], centers(splats))
@@ -215,19 +228,12 @@ def values(arguments):
         is_single = np.isin(order, known[0][known[1] == 1])
         print(f"{path.name}: {len(splats['x'])} splats of {len(order)}, {is_single.sum()} of them matched")
         order = order[is_single]
-        found = {
-            "centers": centers(splats),
-            "logarithms of scales": columns(splats, "scale", 3),
-            "opacity": (1 / (1 + np.exp(-splats["opacity"])))[:, None],
-            "degree 0": columns(splats, "f_dc", 3),
-            "degrees 1 to 3": harmonics(splats)[:, 1:].reshape(len(splats["x"]), -1),
-        }
+        found = properties(splats)
         for name, of_reference in expected.items():
             width = found[name].shape[1]
             off = np.abs(found[name][order] - of_reference[is_single, :width])
             show(name, off, math.sqrt(np.mean(off**2)) if off.size else 0)
-        turned = columns(splats, "rot", 4)[order]
-        turned /= np.linalg.norm(turned, axis=1, keepdims=True)
+        turned = unit_rotations(splats)[order]
         angles = 2 * np.arccos(np.clip(np.abs((turned * rotations[is_single]).sum(axis=1)), 0, 1))
         show("degrees of rotations", np.degrees(angles), math.sqrt(np.mean(np.degrees(angles) ** 2)))
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use strivec_format::escape::escaped;
 
 strivec_format::named! {
-    /// Whether files of a dataset are there and used.
+    /// The use of a dataset's files.
     #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
     pub enum Standing {
         /// Named by the dataset's files, but not there.
@@ -22,7 +22,7 @@ strivec_format::named! {
 /// Files of a dataset, or keys of one of its files, of which the same is true.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct InventoryEntry {
-    /// Whether the files or keys are there and used.
+    /// The use of the files or keys.
     pub standing: Standing,
     /// The file or folder, in the dataset's folder, with `/` between folders.
     pub path: String,

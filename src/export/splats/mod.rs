@@ -112,3 +112,8 @@ impl Splats {
         &self.coefficients[n * terms..][..terms]
     }
 }
+
+/// The number of the component of the largest magnitude, the first of equal ones.
+fn largest_component(quaternion: [f64; 4]) -> usize {
+    (1..4).fold(0, |best, n| if quaternion[n].abs() > quaternion[best].abs() { n } else { best })
+}

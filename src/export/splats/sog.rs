@@ -19,7 +19,7 @@ use super::super::Error;
 use super::codebook::Codebook;
 use super::harmonics::terms;
 use super::palette::Palette;
-use super::{MAX_SPLATS, OPACITY, Splat, Splats};
+use super::{MAX_SPLATS, OPACITY, Splat, Splats, largest_component};
 use strivec_format::geometry::{Aabb, morton};
 
 /// Bits of a splat's cell on an axis.
@@ -113,7 +113,7 @@ fn width(count: usize) -> usize {
 fn rotation(splat: &Splat) -> [u8; 4] {
     let [x, y, z, w] = splat.rotation.to_array();
     let quaternion = [w, x, y, z];
-    let largest = (1..4).fold(0, |best, n| if quaternion[n].abs() > quaternion[best].abs() { n } else { best });
+    let largest = largest_component(quaternion);
     // The opposite quaternion is the same rotation.
     let scale = SQRT_2.copysign(quaternion[largest]);
     let others = (0..4).filter(|&n| n != largest);

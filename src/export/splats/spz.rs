@@ -12,7 +12,7 @@ use flate2::write::GzEncoder;
 
 use super::super::Error;
 use super::harmonics::{degrees_and_orders, terms};
-use super::{MAX_SPLATS, OPACITY, Splats};
+use super::{MAX_SPLATS, OPACITY, Splats, largest_component};
 
 const VERSION: u32 = 3;
 /// Bits of a coordinate without its sign.
@@ -93,7 +93,7 @@ fn fraction_bits(splats: &Splats) -> Result<i32, Error> {
 /// The unit quaternion x, y, z, w without its largest component, whose number the highest two bits are: a sign and nine bits
 /// of magnitude up to √½ for each of the others.
 fn smallest_three(quaternion: [f64; 4]) -> u32 {
-    let largest = (1..4).fold(0, |best, n| if quaternion[n].abs() > quaternion[best].abs() { n } else { best });
+    let largest = largest_component(quaternion);
     let mut bits = largest as u32;
     for (_, value) in quaternion.into_iter().enumerate().filter(|(n, _)| *n != largest) {
         // The opposite quaternion is the same rotation.

@@ -30,7 +30,7 @@ pub(super) const NAME: &str = "KHR_gaussian_splatting";
 /// The extension of SPZ streams, and its name in an earlier draft.
 pub(super) const SPZ_NAMES: [&str; 2] =
     ["KHR_gaussian_splatting_compression_spz_2", "KHR_gaussian_splatting_compression_spz"];
-/// What the names of attributes begin with.
+/// The prefix of the names of the extension's attributes.
 const PREFIX: &str = "KHR_gaussian_splatting:";
 /// The color space whose values are not sRGB.
 const LINEAR: &str = "lin_rec709_display";

@@ -217,7 +217,7 @@ fn spz_of(splats: &[Known], turned: bool) -> Vec<u8> {
     encoder.finish().unwrap()
 }
 
-/// A document whose primitive is an SPZ stream, with placeholders as attributes.
+/// A document whose primitive is an SPZ stream; its accessors have no data, as the extension prescribes.
 fn spz_document(stream: &[u8], name: &str) -> Value {
     let mut document =
         document(&[("POSITION", "SPZ", stream.to_vec())], json!({"extensions": {name: {"bufferView": 0}}}));
