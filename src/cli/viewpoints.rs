@@ -35,7 +35,7 @@ pub(super) struct Viewpoints {
     #[command(flatten)]
     dataset: DatasetOptions,
     /// Size of the pictures in pixels [default: the dataset's, else 800x800]
-    #[arg(long, value_name = "WxH", value_parser = picture_size::parse)]
+    #[arg(long, value_name = "WxH", conflicts_with = "downscale", value_parser = picture_size::parse)]
     size: Option<[u32; 2]>,
     /// Horizontal field of view of --orbit, --pose and a turntable, 1 to 170 degrees [default: 40; of a circle where
     /// photographs were taken, theirs]
@@ -64,11 +64,15 @@ impl Viewpoints {
     ) -> Result<Vec<NamedCamera>, Error> {
         if let Some(path) = &self.cameras {
             let options = self.dataset.load_options(self.downscale);
-            return Ok(if path.is_dir() {
+            let cameras = if path.is_dir() {
                 dataset::load_cameras(path, "test", self.size, &options)?
             } else {
                 dataset::load_transforms_cameras(path, self.size, &options)?
-            });
+            };
+            return match self.size {
+                Some(size) => cameras.into_iter().map(|named| resized(named, size)).collect(),
+                None => Ok(cameras),
+            };
         }
         let size = self.size.unwrap_or([800, 800]);
         if let Some(pose) = &self.pose {
@@ -139,6 +143,18 @@ impl Viewpoints {
         };
         orbit.cameras(frame, bounds, count, size)
     }
+}
+
+/// A dataset's camera for pictures of `size`, which must have the proportions of its own, but for a pixel.
+fn resized(named: NamedCamera, size: [u32; 2]) -> Result<NamedCamera, Error> {
+    let [width, height] = size;
+    let (columns, rows) = (named.camera.width, named.camera.height);
+    let difference = (u64::from(width) * u64::from(rows)).abs_diff(u64::from(height) * u64::from(columns));
+    if difference > u64::from(columns.max(rows)) {
+        let message = format!("--size {width}x{height} is no scaled {columns}x{rows}, the size of {}", named.path);
+        return Err(Error::Usage(format!("{message}; leave it out, or give a size of the same proportions")));
+    }
+    Ok(NamedCamera { camera: named.camera.resized(size), ..named })
 }
 
 #[cfg(test)]
@@ -220,6 +236,25 @@ mod tests {
         let expected = [[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]];
         assert!(columns.as_flattened().iter().zip(expected.as_flattened()).all(|(a, b)| (a - b).abs() < 1e-12));
         assert!((camera.focal[0] - 15.0 / 20f64.to_radians().tan()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn cameras_of_a_dataset_take_the_size_given() {
+        let folder = tempfile::TempDir::new().unwrap();
+        let json = folder.path().join("transforms_test.json");
+        let pose = "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
+        let frames = format!("[{{\"file_path\": \"a.png\", \"transform_matrix\": {pose}}}]");
+        std::fs::write(&json, format!("{{\"w\": 40, \"h\": 31, \"fl_x\": 50, \"frames\": {frames}}}")).unwrap();
+        let path = json.to_str().unwrap();
+        let size = |arguments: &[&str]| {
+            cameras(&[&["--cameras", path], arguments].concat(), UpAxis::Z)
+                .map(|cameras| (cameras[0].camera.width, cameras[0].camera.height, cameras[0].camera.focal[0]))
+        };
+        assert_eq!(size(&[]).unwrap(), (40, 31, 50.0));
+        assert_eq!(size(&["--size", "20x15"]).unwrap(), (20, 15, 25.0));
+        assert_eq!(size(&["--downscale", "2"]).unwrap(), (20, 15, 25.0));
+        let error = size(&["--size", "20x20"]).unwrap_err();
+        assert!(error.exit_code() == 1 && error.to_string().contains("no scaled 40x31"), "{error}");
     }
 
     #[test]

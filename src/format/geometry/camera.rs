@@ -172,6 +172,19 @@ impl Camera {
             ..*self
         }
     }
+
+    /// The camera of the same view in a picture of `size` pixels: the whole picture, whose columns and rows are stretched
+    /// each by its own factor.
+    pub fn resized(&self, size: [u32; 2]) -> Self {
+        let [x, y] = [f64::from(size[0]) / f64::from(self.width), f64::from(size[1]) / f64::from(self.height)];
+        Self {
+            width: size[0],
+            height: size[1],
+            focal: [self.focal[0] * x, self.focal[1] * y],
+            principal: [self.principal[0] * x, self.principal[1] * y],
+            ..*self
+        }
+    }
 }
 
 #[cfg(test)]
@@ -201,5 +214,16 @@ mod tests {
         let small = camera.downscaled(4);
         let difference = small.ray(1, 0).unwrap().direction - camera.ray_through(6.0, 2.0).unwrap().direction;
         assert!(difference.length() < 1e-15);
+    }
+
+    #[test]
+    fn resized_pictures_show_the_same_at_their_corners() {
+        let camera = Camera::looking_at([8, 6], 5.0, DVec3::new(1.0, -5.0, 2.0), DVec3::ZERO, DVec3::Z);
+        let large = camera.resized([20, 24]);
+        for (small, large) in [([0.0, 0.0], camera.ray_through(0.0, 0.0)), ([20.0, 24.0], camera.ray_through(8.0, 6.0))]
+            .map(|(corner, ray)| (large.ray_through(corner[0], corner[1]), ray))
+        {
+            assert!((small.unwrap().direction - large.unwrap().direction).length() < 1e-15);
+        }
     }
 }
