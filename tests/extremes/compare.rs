@@ -3,6 +3,7 @@
 use std::sync::LazyLock;
 
 use glam::DVec3;
+use rayon::prelude::*;
 use strivec_field::Field;
 use strivec_field::render::Approximation;
 use strivec_field::render::gpu::{Gpu, GpuRenderer, Precision};
@@ -89,7 +90,7 @@ impl Errors {
 /// The reference's traces of `rays`.
 pub(crate) fn expected(scene: &Scene, rays: &[Ray]) -> Vec<Trace> {
     let reference = ReferenceRenderer::new(scene);
-    rays.iter().map(|ray| reference.trace_one(ray)).collect()
+    rays.par_iter().map(|ray| reference.trace_one(ray)).collect()
 }
 
 /// Errors of `way` on `rays`. All its values must be finite.
