@@ -8,12 +8,14 @@ use super::console::Console;
 use super::error::with_flags;
 use super::progress::Progress;
 use strivec_recipe as recipe;
-use strivec_recipe::Observer;
+use strivec_recipe::{Cache, Observer};
 
 /// Shows a training on the console, and stops it when a flag is set.
 pub(super) struct ConsoleObserver<'a> {
     console: &'a Console,
     interrupted: &'a AtomicBool,
+    /// Where results are kept between runs.
+    cache: Option<Cache>,
     /// The current phase.
     progress: Option<Progress<'a>>,
 }
@@ -21,7 +23,7 @@ pub(super) struct ConsoleObserver<'a> {
 impl<'a> ConsoleObserver<'a> {
     /// Stops if `interrupted` becomes true.
     pub(super) fn new(console: &'a Console, interrupted: &'a AtomicBool) -> Self {
-        Self { console, interrupted, progress: None }
+        Self { console, interrupted, cache: Cache::of_user(), progress: None }
     }
 
     /// For commands that Ctrl-C ends at once because they have nothing to save.
@@ -58,12 +60,17 @@ impl Observer for ConsoleObserver<'_> {
         match self.progress.take() {
             Some(progress) if summary.is_empty() => progress.clear(),
             Some(progress) => progress.finish(summary),
+            None if summary.is_empty() => (),
             None => self.console.say(summary),
         }
     }
 
     fn checkpoint(&mut self, _: &Path) {
         self.suspend(|| ());
+    }
+
+    fn cache(&self) -> Option<&Cache> {
+        self.cache.as_ref()
     }
 
     fn stop(&self) -> bool {

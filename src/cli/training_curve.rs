@@ -15,7 +15,7 @@ use strivec_field::render::{CpuRenderer, Renderer};
 use strivec_format::model::Scene;
 use strivec_format::psnr::psnr_of_mse;
 use strivec_measure::ViewReport;
-use strivec_recipe::{Observer, ObserverError, Progress};
+use strivec_recipe::{Cache, Observer, ObserverError, Progress};
 use strivec_train::{StepReport, Trainer};
 
 /// Maximum rows of the log, besides those of evaluations.
@@ -118,6 +118,10 @@ impl Observer for CurveObserver<'_> {
 
     fn checkpoint(&mut self, path: &Path) {
         self.console.checkpoint(path);
+    }
+
+    fn cache(&self) -> Option<&Cache> {
+        self.console.cache()
     }
 
     fn stop(&self) -> bool {

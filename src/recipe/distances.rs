@@ -1,11 +1,11 @@
 //! The distances of the photographs' pixels: from depth maps, matched points or the dataset's mesh.
 
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
-use super::{Error, Observer};
+use super::{Error, Observer, Progress};
 use strivec_capture::dataset;
 use strivec_capture::dataset::Dataset;
 use strivec_capture::prior;
@@ -24,9 +24,9 @@ pub(super) fn find_distances(
     Ok(())
 }
 
-/// True if nothing shows through any photograph of `dataset`.
+/// True if `dataset`'s photographs have a background: hardly anything shows through them.
 pub(super) fn is_opaque(dataset: &Dataset) -> bool {
-    dataset.views.par_iter().all(|view| view.pixels.is_opaque())
+    dataset::are_opaque(&dataset.views)
 }
 
 /// Sets the distances of the photographs of `dataset`: those of its depth maps or, if it has none, to points that are
@@ -42,8 +42,10 @@ pub(super) fn find_points(
         observer.message(&format_args!("distances: those of {}", plural(with_depth, "depth map")));
         return Ok(Vec::new());
     }
-    let points = prior::match_points(&mut dataset.views, config.model.contraction.is_some());
+    let matched = prior::match_points(&mut dataset.views, &mut Watch(observer));
+    let points = matched.ok_or(Error::Interrupted { step: 0, checkpoint: None })?;
     let (count, seconds) = (plural(points.len(), "point"), start.elapsed().as_secs_f64());
+    observer.finished("");
     observer.message(&format_args!("matching: {count} on the surfaces of the photographs in {seconds:.1} s"));
     if let Some(file) = dataset.points.as_deref().filter(|_| config.loss.distance_weight > 0.0) {
         let share = prior::mesh_distances(file, &mut dataset.views).map_err(prior::BuildError::from)?;
@@ -59,4 +61,24 @@ pub(super) fn find_points(
         }
     }
     Ok(points)
+}
+
+/// Reports a matching to an observer, whose cache keeps the results.
+struct Watch<'a>(&'a mut dyn Observer);
+
+impl prior::MatchWatch for Watch<'_> {
+    fn kept(&mut self, name: &str) -> Option<Vec<u8>> {
+        self.0.cache()?.read(name)
+    }
+
+    fn keep(&mut self, name: &str, bytes: &[u8]) {
+        if let Some(cache) = self.0.cache() {
+            cache.write(name, bytes);
+        }
+    }
+
+    fn progress(&mut self, done: usize, total: usize) -> ControlFlow<()> {
+        self.0.progress(Progress { phase: "matching", done: done as u64, total: total as u64, detail: "" });
+        if self.0.stop() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
 }

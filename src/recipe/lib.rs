@@ -35,6 +35,7 @@
 
 mod atomic_file;
 mod background;
+mod cache;
 mod checkpoint_file;
 mod distances;
 mod error;
@@ -57,6 +58,7 @@ pub use atomic_file::{
     FileError, Reservation, beside, check_output, read_file, remove_file, write_atomically, write_atomically_with,
     write_or_keep,
 };
+pub use cache::Cache;
 pub use checkpoint_file::CheckpointFile;
 pub use error::Error;
 pub use fitting::Fitting;

@@ -3,6 +3,7 @@
 use std::fmt::Display;
 use std::path::Path;
 
+use super::Cache;
 use strivec_train::{StepReport, Trainer};
 
 /// The error with which an observer ends a training.
@@ -11,7 +12,7 @@ pub type ObserverError = Box<dyn std::error::Error + Send + Sync>;
 /// How far a phase of a training is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress<'a> {
-    /// Name of the phase: "prior", "train", "encodings" or "prefixes".
+    /// Name of the phase: "matching", "prior", "train", "encodings" or "prefixes".
     pub phase: &'a str,
     /// Finished units of `total`; 0 or, in a resumed run, the number of its finished steps as the phase begins.
     pub done: u64,
@@ -78,6 +79,11 @@ pub trait Observer {
     /// The checkpoint was written to `path`.
     fn checkpoint(&mut self, path: &Path) {
         let _ = path;
+    }
+
+    /// Where results are kept that take long to compute, such as points matched between photographs; `None` keeps nothing.
+    fn cache(&self) -> Option<&Cache> {
+        None
     }
 
     /// True to stop. A training then writes its checkpoint, if it has one, and ends with

@@ -12,7 +12,7 @@ use strivec::container::Encoding;
 use strivec::dataset::LoadOptions;
 use strivec::escape::escaped;
 use strivec::prior::BuildOptions;
-use strivec::recipe::{CheckpointFile, Fitting, Observer, Photographs, Prior, Progress, Recipe, Trained};
+use strivec::recipe::{Cache, CheckpointFile, Fitting, Observer, Photographs, Prior, Progress, Recipe, Trained};
 use strivec::train::{Budget, DeadComponents, TrainConfig};
 
 use crate::errors::Failure;
@@ -81,6 +81,7 @@ struct Report {
 struct Reporter {
     events: Sender<Event>,
     interrupted: Arc<AtomicBool>,
+    cache: Option<Cache>,
     /// The current phase, and the time of its last report.
     last: Option<(String, Instant)>,
 }
@@ -105,6 +106,10 @@ impl Observer for Reporter {
         if !summary.is_empty() {
             self.message(&summary);
         }
+    }
+
+    fn cache(&self) -> Option<&Cache> {
+        self.cache.as_ref()
     }
 
     fn stop(&self) -> bool {
@@ -133,7 +138,7 @@ pub(crate) fn train(
     let photographs = Photographs { options, downscale: request.downscale };
     let recipe = request.recipe(&output)?;
     let results = followed(py, listener, move |events, interrupted| {
-        let mut reporter = Reporter { events, interrupted, last: None };
+        let mut reporter = Reporter { events, interrupted, cache: Cache::of_user(), last: None };
         let _reserved = Trained::check_output(&output, force)?;
         if let Some(checkpoint) = recipe.checkpoint.as_ref().filter(|_| !recipe.resume) {
             checkpoint.check_new(force)?;

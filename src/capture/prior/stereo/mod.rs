@@ -7,14 +7,19 @@
 //! patches beside them, where they may slant (Furukawa and Ponce, "Accurate, Dense, and Robust Multi-View Stereopsis",
 //! CVPR 2007), and must agree again.
 
+mod kept;
 mod pair;
 mod plane;
 mod search;
 mod shot;
 
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
 use glam::DVec3;
 use rayon::prelude::*;
 
+use self::kept::{Kept, Stage};
 use self::plane::Plane;
 use self::search::DepthSearch;
 use self::shot::{PlaneMap, StereoShot};
@@ -29,16 +34,41 @@ const ENOUGH: f64 = 3.0;
 /// The parallax between two photographs that are compared: its least, best and largest angle in radians.
 const PARALLAX: [f64; 3] = [0.03, 0.15, 0.7];
 /// The range of depths, in distances of the cameras from what they look at.
-const RANGE: [f64; 2] = [0.15, 8.0];
-/// The largest depth in a scene without an edge, in the same unit.
-const FAR: f64 = 100.0;
+const RANGE: [f64; 2] = [0.15, 100.0];
 /// The share of the depth by which two photographs' depths of a point may differ.
 const AGREEMENT: f64 = 0.02;
 /// The photographs that must agree with a depth.
 const MIN_AGREEING: usize = 2;
 
+/// Photographs that are searched between two reports of progress.
+const BLOCK: usize = 16;
+/// The time after which what was found is kept.
+const KEEP_EVERY: Duration = Duration::from_secs(20);
+
+/// What watches a matching: it may keep the results, and stop it. `()` does neither.
+pub trait MatchWatch {
+    /// The bytes that were last kept under `name`, which tells the photographs and cameras. Others than these do no harm.
+    fn kept(&mut self, name: &str) -> Option<Vec<u8>> {
+        let _ = name;
+        None
+    }
+
+    /// Keeps `bytes` under `name`.
+    fn keep(&mut self, name: &str, bytes: &[u8]) {
+        let _ = (name, bytes);
+    }
+
+    /// So many of `total` searches are done. A matching that is stopped goes on from what it kept.
+    fn progress(&mut self, done: usize, total: usize) -> ControlFlow<()> {
+        let _ = (done, total);
+        ControlFlow::Continue(())
+    }
+}
+
+impl MatchWatch for () {}
+
 /// The surfaces that photographs show, where they could be matched.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(super) struct Matches {
     /// Points on the surfaces.
     pub(super) points: Vec<DVec3>,
@@ -46,14 +76,14 @@ pub(super) struct Matches {
     pub(super) distances: Vec<Vec<f32>>,
 }
 
-/// The surfaces that `views` show; there may be none. Of more than `most` views, so many are searched. In a scene
-/// that `is_unbounded`, they may be far away; there, distances are known only where photographs resolve them well.
-pub(super) fn matches(views: &[Photograph], most: usize, is_unbounded: bool) -> Matches {
+/// The surfaces that `views` show; there may be none. Of more than `most` views, so many are searched. They may be far
+/// away; distances are known only where photographs resolve them well. `None` if `watch` stops it.
+pub(super) fn matches(views: &[Photograph], most: usize, watch: &mut dyn MatchWatch) -> Option<Matches> {
     let shots: Vec<StereoShot> = views.par_iter().map(StereoShot::new).collect();
     let cameras: Vec<Camera> = shots.iter().map(|shot| shot.camera).collect();
     let bounds = CameraBounds::from_cameras(cameras.iter());
     let distance = 2.0 * bounds.near;
-    let range = [RANGE[0], if is_unbounded { FAR } else { RANGE[1] }].map(|share| share * distance);
+    let range = RANGE.map(|share| share * distance);
     let count = shots.len().min(most);
     let chosen: Vec<usize> = (0..count).map(|n| n * shots.len() / count).collect();
     // By chosen view.
@@ -62,21 +92,49 @@ pub(super) fn matches(views: &[Photograph], most: usize, is_unbounded: bool) -> 
         DepthSearch::new(&shots[n], others.into_iter().map(|m| &shots[m]), distance, range)
     };
     let searches: Vec<DepthSearch> = chosen.par_iter().map(search).collect();
-    // Else nothing is too far for the photographs to resolve its distance.
-    let tolerance = |search: &DepthSearch| if is_unbounded { search.tolerance() } else { 0.0 };
-    let agreed = |maps: &[PlaneMap]| -> Vec<PlaneMap> {
-        (0..searches.len()).into_par_iter().map(|n| agreed(&searches, maps, n, tolerance(&searches[n]))).collect()
-    };
-    let seeds = agreed(&searches.par_iter().map(DepthSearch::sweep).collect::<Vec<_>>());
-    let maps = agreed(&searches.par_iter().zip(&seeds).map(|(search, seeds)| search.grow(seeds)).collect::<Vec<_>>());
+    let maps = planes(&searches, &Kept::name(&shots), watch)?;
     let mut distances = vec![Vec::new(); views.len()];
     let found: Vec<(usize, Vec<f32>)> = (chosen.par_iter().zip(&searches).zip(&maps))
         .filter(|(_, map)| map.iter().any(Option::is_some))
-        .map(|((&n, search), map)| (n, search.shot.distances(&views[n].camera, map, tolerance(search) / AGREEMENT)))
+        .map(|((&n, search), map)| (n, search.shot.distances(&views[n].camera, map, search.tolerance() / AGREEMENT)))
         .collect();
     found.into_iter().for_each(|(n, of_view)| distances[n] = of_view);
     let points = searches.iter().zip(&maps).flat_map(|(search, map)| search.shot.points(map)).collect();
-    Matches { points, distances }
+    Some(Matches { points, distances })
+}
+
+/// \[search\] the planes that are found and that others agree with. The search called `name` goes on from what is kept of it.
+fn planes(searches: &[DepthSearch<'_>], name: &str, watch: &mut dyn MatchWatch) -> Option<Vec<PlaneMap>> {
+    let patches: Vec<usize> = searches.iter().map(|search| search.shot.patches().iter().product()).collect();
+    let kept = watch.kept(name).and_then(|bytes| Kept::from_bytes(&bytes, &patches));
+    let mut kept = kept.unwrap_or_else(|| Kept::new(searches.len()));
+    while kept.stage != Stage::Done {
+        let missing: Vec<usize> = (0..searches.len()).filter(|&n| kept.found[n].is_none()).collect();
+        let before = kept.stage as usize * searches.len() + searches.len() - missing.len();
+        let mut since = Instant::now();
+        for (block, numbers) in missing.chunks(BLOCK).enumerate() {
+            let search = |&n: &usize| match &kept.before[n] {
+                Some(seeds) => searches[n].grow(seeds),
+                None => searches[n].sweep(),
+            };
+            let maps: Vec<PlaneMap> = numbers.par_iter().map(search).collect();
+            numbers.iter().zip(maps).for_each(|(&n, map)| kept.found[n] = Some(map));
+            let stops = watch.progress(before + block * BLOCK + numbers.len(), 2 * searches.len()).is_break();
+            if stops || since.elapsed() > KEEP_EVERY {
+                watch.keep(name, &kept.to_bytes());
+                since = Instant::now();
+            }
+            if stops {
+                return None;
+            }
+        }
+        let found: Vec<PlaneMap> = kept.found.into_iter().map(Option::unwrap_or_default).collect();
+        let agreed = (0..searches.len()).into_par_iter().map(|n| Some(agreed(searches, &found, n))).collect();
+        let stage = if kept.stage == Stage::Sweep { Stage::Grow } else { Stage::Done };
+        kept = Kept { stage, before: agreed, found: vec![None; searches.len()] };
+        watch.keep(name, &kept.to_bytes());
+    }
+    Some(kept.before.into_iter().map(Option::unwrap_or_default).collect())
 }
 
 /// The cameras that see most of what camera `n` sees at `distance`, from directions that differ well; at most
@@ -119,10 +177,10 @@ fn neighbors(cameras: &[Camera], n: usize, distance: f64) -> Vec<usize> {
     found
 }
 
-/// The planes of photograph `n` that the planes of others agree with, within `tolerance` of 1/depth where that is more than
+/// The planes of photograph `n` that the planes of others agree with, within the resolution of 1/depth where that is more than
 /// [`AGREEMENT`] of it.
-fn agreed(searches: &[DepthSearch], maps: &[PlaneMap], n: usize, tolerance: f64) -> PlaneMap {
-    let shot = searches[n].shot;
+fn agreed(searches: &[DepthSearch<'_>], maps: &[PlaneMap], n: usize) -> PlaneMap {
+    let (shot, tolerance) = (searches[n].shot, searches[n].tolerance());
     let agrees = |place: DVec3, other: &StereoShot, map: &PlaneMap| {
         let Some(at) = other.camera.project(place) else { return false };
         let Some([column, row]) = other.patch_at(at) else { return false };
@@ -199,7 +257,7 @@ mod tests {
                 Photograph::new(n.to_string(), camera, Pixels::opaque(gray))
             })
             .collect();
-        let Matches { distances, .. } = matches(&views, 100, false);
+        let Matches { distances, .. } = matches(&views, 100, &mut ()).unwrap();
         // By sides: pixels of the floor up to 5 away, those with a distance, and those with a right one.
         let mut counts = [[0; 3]; 2];
         for (view, distances) in views.iter().zip(&distances) {
@@ -238,7 +296,7 @@ mod tests {
 
     fn assert_found(lens: Lens) {
         let views = views(lens);
-        let Matches { points, distances } = matches(&views, 100, false);
+        let Matches { points, distances } = matches(&views, 100, &mut ()).unwrap();
         let off = |point: &DVec3| (point.length() - 1.0).abs().min((point.x + 2.0).abs());
         let wrong = points.iter().filter(|point| off(point) > 0.12).count();
         let on_wall = points.iter().filter(|point| point.x < -1.9).count();
@@ -284,8 +342,8 @@ mod tests {
         let mut views = views(Lens::PINHOLE);
         let position = views[0].camera.position;
         views.iter_mut().for_each(|view| view.camera.position = position);
-        assert_eq!(matches(&views, 100, false).points, []);
-        assert_eq!(matches(&views[..1], 100, false).points, []);
-        assert_eq!(matches(&[], 100, false).points, []);
+        assert_eq!(matches(&views, 100, &mut ()).unwrap().points, []);
+        assert_eq!(matches(&views[..1], 100, &mut ()).unwrap().points, []);
+        assert_eq!(matches(&[], 100, &mut ()).unwrap().points, []);
     }
 }

@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::plane::{Plane, direction};
-use super::shot::{MIN_CONTRAST, PATCH, RADIUS, StereoShot};
+use super::shot::{Patch, StereoShot};
 use strivec_format::geometry::Camera;
 
 /// The largest factor by which a patch may be larger or smaller in another photograph.
@@ -42,7 +42,8 @@ impl<'a> Pair<'a> {
 
     /// The similarity, from −1 to 1, of the `patch` around the picture point `middle` on `plane`; `None` where the other
     /// photograph does not show it.
-    pub(super) fn similarity(&self, camera: &Camera, middle: DVec2, patch: &[f32; PATCH], plane: Plane) -> Option<f32> {
+    #[inline(always)]
+    pub(super) fn similarity(&self, camera: &Camera, middle: DVec2, patch: &Patch, plane: Plane) -> Option<f32> {
         let at = |offset: DVec2| self.point(direction(camera, middle + offset), plane.moved(offset).inverse);
         let origin = at(DVec2::ZERO)?;
         let (right, down) = (at(DVec2::X)? - origin, at(DVec2::Y)? - origin);
@@ -50,18 +51,6 @@ impl<'a> Pair<'a> {
         if !(MAX_ZOOM.powi(-2)..MAX_ZOOM.powi(2)).contains(&zoom) {
             return None;
         }
-        let (mut sum, mut squares, mut product) = (0.0, 0.0, 0.0);
-        let mut n = 0;
-        for y in -RADIUS..=RADIUS {
-            for x in -RADIUS..=RADIUS {
-                let value = self.other.at(origin + f64::from(x) * right + f64::from(y) * down);
-                sum += value;
-                squares += value * value;
-                product += value * patch[n];
-                n += 1;
-            }
-        }
-        let variance = squares - sum * sum / PATCH as f32;
-        (variance > 0.0).then(|| product / variance.max(MIN_CONTRAST * MIN_CONTRAST * PATCH as f32).sqrt())
+        self.other.similarity(patch, origin, right, down)
     }
 }

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use strivec_format::geometry::Camera;
 
 /// A plane before a camera: 1/depth on it is affine in the picture.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Plane {
     /// 1/depth in the middle of a patch.
     pub(super) inverse: f64,
@@ -17,6 +17,11 @@ impl Plane {
     /// This plane, seen from a middle that is `offset` pixels away.
     pub(super) fn moved(self, offset: DVec2) -> Self {
         Self { inverse: self.inverse + self.slope.dot(offset), ..self }
+    }
+
+    /// This plane in the precision in which planes are kept.
+    pub(super) fn rounded(self) -> Self {
+        Self { inverse: f64::from(self.inverse as f32), slope: self.slope.as_vec2().as_dvec2() }
     }
 
     /// The depth in the middle of the patch.

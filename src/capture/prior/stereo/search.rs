@@ -7,7 +7,7 @@ use glam::DVec2;
 
 use super::pair::Pair;
 use super::plane::{Plane, direction};
-use super::shot::{PATCH, PlaneMap, RADIUS, StereoShot};
+use super::shot::{Patch, PlaneMap, RADIUS, StereoShot};
 
 /// The distance between two patches that are swept, in patches along columns and along rows.
 const SWEPT_STRIDE: usize = 3;
@@ -44,6 +44,8 @@ pub(super) struct DepthSearch<'a> {
     range: [f64; 2],
     /// The number of depths whose pictures are a pixel apart in the photograph in which they are farthest apart.
     pixels: f64,
+    /// The instructions of this machine.
+    arch: pulp::Arch,
 }
 
 impl<'a> DepthSearch<'a> {
@@ -63,7 +65,7 @@ impl<'a> DepthSearch<'a> {
             step().map_or(0.0, |pixels| pixels / (0.02 / distance) * (range[0] - range[1]))
         });
         let pixels = reach.fold(0.0, f64::max).max(1.0);
-        Self { shot, pairs, range, pixels }
+        Self { shot, pairs, range, pixels, arch: pulp::Arch::new() }
     }
 
     /// The difference of 1/depth of a pixel in another photograph.
@@ -77,16 +79,21 @@ impl<'a> DepthSearch<'a> {
     }
 
     /// The mean similarity of the `patch` around `middle` in the `count` photographs that show `plane` best.
-    fn similarity(&self, count: usize, middle: DVec2, patch: &[f32; PATCH], plane: Plane) -> f32 {
+    fn similarity(&self, count: usize, middle: DVec2, patch: &Patch, plane: Plane) -> f32 {
         let mut best = [-1.0_f32; SWEPT_BEST];
-        for pair in &self.pairs {
-            let mut similarity = pair.similarity(&self.shot.camera, middle, patch, plane).unwrap_or(-1.0);
-            for best in &mut best[..count] {
-                if similarity > *best {
-                    swap(best, &mut similarity);
+        self.arch.dispatch(
+            #[inline(always)]
+            || {
+                for pair in &self.pairs {
+                    let mut similarity = pair.similarity(&self.shot.camera, middle, patch, plane).unwrap_or(-1.0);
+                    for best in &mut best[..count] {
+                        if similarity > *best {
+                            swap(best, &mut similarity);
+                        }
+                    }
                 }
-            }
-        }
+            },
+        );
         best[..count].iter().sum::<f32>() / count as f32
     }
 
@@ -111,7 +118,7 @@ impl<'a> DepthSearch<'a> {
             for (place, similarity) in profile.iter_mut().enumerate() {
                 *similarity = self.similarity(best, middle, &patch, plane(place as f64));
             }
-            peak(&profile).map(plane)
+            peak(&profile).map(|place| plane(place).rounded())
         });
         found.collect()
     }
@@ -138,7 +145,7 @@ impl<'a> DepthSearch<'a> {
                 self.offer(&mut grown, beside, plane.moved(self.shot.middle(beside) - self.shot.middle(n)));
             }
         }
-        grown.found.into_iter().map(|found| found.map(|(plane, _)| plane)).collect()
+        grown.found.into_iter().map(|found| found.map(|(plane, _)| plane.rounded())).collect()
     }
 
     /// Refines `plane` for patch number `n`, and keeps it there if it is similar, and more so than the one before.

@@ -12,11 +12,23 @@ const LONG_EDGE: u32 = 320;
 const STRIDE: usize = 3;
 /// Pixels from the middle of a patch to its border.
 pub(super) const RADIUS: i32 = 3;
+/// Pixels along a patch.
+const SIDE: usize = (2 * RADIUS + 1) as usize;
 /// Pixels of a patch.
-pub(super) const PATCH: usize = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as usize;
+const PATCH: usize = SIDE * SIDE;
+/// Numbers that are held for a row of a patch: as many as are computed at once. The last one repeats the last pixel.
+const LANES: usize = SIDE.next_power_of_two();
+/// \[row\]\[column\] the pixels of a patch, of mean 0 and length 1; 0 behind the last column.
+pub(super) type Patch = [[f32; LANES]; SIDE];
+
+/// The columns of a row's lanes, and their weights.
+const LANE_COLUMNS: [f32; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 6.0];
+const LANE_WEIGHTS: [f32; LANES] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0];
+/// Places so much, in pixels, before the last column or row count as outside: they are rounded.
+const WITHIN: f64 = 0.01;
 
 /// The least standard deviation of the luminance of a patch that is searched for, and that counts as similar.
-pub(super) const MIN_CONTRAST: f32 = 0.012;
+const MIN_CONTRAST: f32 = 0.012;
 
 /// \[patch\] the plane that a photograph shows there, if known.
 pub(super) type PlaneMap = Vec<Option<Plane>>;
@@ -57,6 +69,11 @@ impl StereoShot {
             })
             .collect();
         Self { camera, luminance }
+    }
+
+    /// \[row\]\[column\] luminance; NaN where nothing is known.
+    pub(super) fn luminance(&self) -> &[f32] {
+        &self.luminance
     }
 
     /// The luminance at the picture point `at`, between pixels; NaN outside.
@@ -127,20 +144,68 @@ impl StereoShot {
     }
 
     /// The pixels around `middle`, of mean 0 and length 1; `None` without contrast.
-    pub(super) fn patch(&self, middle: DVec2) -> Option<[f32; PATCH]> {
-        let mut n = 0;
-        let mut patch = [0.0; PATCH];
-        for y in -RADIUS..=RADIUS {
-            for x in -RADIUS..=RADIUS {
-                patch[n] = self.at(middle + DVec2::new(f64::from(x), f64::from(y)));
-                n += 1;
+    pub(super) fn patch(&self, middle: DVec2) -> Option<Patch> {
+        let mut patch = [[0.0; LANES]; SIDE];
+        for (row, values) in patch.iter_mut().enumerate() {
+            for (column, value) in values[..SIDE].iter_mut().enumerate() {
+                *value = self.at(middle + DVec2::new(column as f64, row as f64) - f64::from(RADIUS));
             }
         }
-        let mean = patch.iter().sum::<f32>() / PATCH as f32;
-        patch.iter_mut().for_each(|v| *v -= mean);
-        let length = patch.iter().map(|v| v * v).sum::<f32>().sqrt();
-        patch.iter_mut().for_each(|v| *v /= length);
+        let pixels = |patch: &mut Patch, change: &dyn Fn(f32) -> f32| {
+            patch.iter_mut().flat_map(|row| &mut row[..SIDE]).for_each(|value| *value = change(*value));
+        };
+        let mean = patch.iter().flatten().sum::<f32>() / PATCH as f32;
+        pixels(&mut patch, &|value| value - mean);
+        let length = patch.iter().flatten().map(|v| v * v).sum::<f32>().sqrt();
+        pixels(&mut patch, &|value| value / length);
         (length > MIN_CONTRAST * (PATCH as f32).sqrt()).then_some(patch)
+    }
+
+    /// The similarity, from −1 to 1, of `patch` to the pixels around `origin`, where its columns are `right` apart and its
+    /// rows `down`; `None` where they are not all known, and without contrast.
+    #[inline(always)]
+    pub(super) fn similarity(&self, patch: &Patch, origin: DVec2, right: DVec2, down: DVec2) -> Option<f32> {
+        let reach = f64::from(RADIUS) * (right.abs() + down.abs());
+        let size = DVec2::new(f64::from(self.camera.width), f64::from(self.camera.height));
+        let is_within = (origin - reach - 0.5).cmpge(DVec2::ZERO) & (origin + reach + 0.5).cmplt(size - WITHIN);
+        if !is_within.all() {
+            return None;
+        }
+        let width = self.camera.width as usize;
+        let first = (origin - f64::from(RADIUS) * (right + down) - 0.5).as_vec2();
+        let (right, down) = (right.as_vec2(), down.as_vec2());
+        let [mut sums, mut squares, mut products] = [[0.0_f32; LANES]; 3];
+        for (row, patch) in patch.iter().enumerate() {
+            // All places of a row, then all pixels around them, then all values between: this way the first and the last
+            // are computed for several pixels at once.
+            let start = first + row as f32 * down;
+            let [mut u, mut v] = [[0.0; LANES]; 2];
+            for lane in 0..LANES {
+                let column = LANE_COLUMNS[lane];
+                (u[lane], v[lane]) = (start.x + column * right.x, start.y + column * right.y);
+            }
+            let [mut above, mut below] = [[[0.0; LANES]; 2]; 2];
+            for lane in 0..LANES {
+                let (column, line) = (u[lane] as usize, v[lane] as usize);
+                (u[lane], v[lane]) = (u[lane] - column as f32, v[lane] - line as f32);
+                let at = line * width + column;
+                let (upper, lower) = (&self.luminance[at..at + 2], &self.luminance[at + width..at + width + 2]);
+                for side in 0..2 {
+                    (above[side][lane], below[side][lane]) = (upper[side], lower[side]);
+                }
+            }
+            for lane in 0..LANES {
+                let upper = above[0][lane] + u[lane] * (above[1][lane] - above[0][lane]);
+                let lower = below[0][lane] + u[lane] * (below[1][lane] - below[0][lane]);
+                let value = LANE_WEIGHTS[lane] * (upper + v[lane] * (lower - upper));
+                sums[lane] += value;
+                squares[lane] += value * value;
+                products[lane] += value * patch[lane];
+            }
+        }
+        let [sum, square, product] = [sums, squares, products].map(|lanes| lanes.iter().sum::<f32>());
+        let variance = square - sum * sum / PATCH as f32;
+        (variance > 0.0).then(|| product / variance.max(MIN_CONTRAST * MIN_CONTRAST * PATCH as f32).sqrt())
     }
 }
 
