@@ -25,7 +25,8 @@ impl Start {
     pub fn trainer<'a>(self, dataset: &'a Dataset, observer: &mut dyn Observer) -> Result<Trainer<'a>, Error> {
         let Self { config, occupied } = self;
         let config = config.fitted(&occupied).map_err(PrepareError::from)?;
-        let scene = strivec_train::place_scene(&config, dataset, &occupied)?;
+        let mut scene = strivec_train::place_scene(&config, dataset, &occupied)?;
+        scene.occupancy = strivec_train::carved(&scene, &dataset.views);
         let trainer = Trainer::new(config, scene, &dataset.views)?;
         observer.message(&format_args!(
             "{} parameters, {} rays meet the model",

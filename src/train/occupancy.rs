@@ -38,7 +38,7 @@ pub(super) fn tight_occupancy<T: Real>(field: &Field<T>, cell: DVec3, min_alpha:
 
 /// Sets vertices of `occupancy` such that all `cells` are occupied, \[z\]\[y\]\[x\] by their smallest vertex, and few
 /// others: first the vertices with the most such cells around them, each if one of these is not occupied yet.
-fn occupy_cells(occupancy: &mut Occupancy, mut cells: Vec<Vec<bool>>) {
+pub(super) fn occupy_cells(occupancy: &mut Occupancy, mut cells: Vec<Vec<bool>>) {
     let [width, height, _] = occupancy.vertices.to_array().map(|v| v as usize);
     let last = occupancy.vertices - 2;
     // Layers and indices of cells; those behind the last vertex are outside the bounds.
