@@ -4,6 +4,7 @@ use std::fmt::Display;
 use std::io;
 use std::path::Path;
 
+use strivec_capture::survey::SurveyError;
 use strivec_capture::{dataset, prior};
 use strivec_export as interop;
 use strivec_field::render::RendererError;
@@ -190,6 +191,15 @@ impl From<prior::BuildError> for Error {
     }
 }
 
+impl From<SurveyError> for Error {
+    fn from(error: SurveyError) -> Self {
+        match error {
+            SurveyError::Points(error) => error.into(),
+            error => Self::Malformed(error.to_string()),
+        }
+    }
+}
+
 impl From<train::PrepareError> for Error {
     fn from(error: train::PrepareError) -> Self {
         let message = with_flags(&error);
@@ -255,6 +265,7 @@ impl From<recipe::Error> for Error {
         match error {
             recipe::Error::Dataset(error) => error.into(),
             recipe::Error::Prior(error) => error.into(),
+            recipe::Error::Survey(error) => error.into(),
             recipe::Error::Prepare(error) => error.into(),
             recipe::Error::Train(error) => error.into(),
             recipe::Error::Thumbnail(error) => error.into(),

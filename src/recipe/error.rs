@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::{FileError, ObserverError};
+use strivec_capture::survey::SurveyError;
 use strivec_capture::{dataset, prior};
 use strivec_format::OptionName;
 use strivec_format::container;
@@ -19,6 +20,9 @@ pub enum Error {
     /// The prior's files cannot be read.
     #[error(transparent)]
     Prior(#[from] prior::BuildError),
+    /// The cameras do not tell where the scene is.
+    #[error(transparent)]
+    Survey(#[from] SurveyError),
     /// There is no scene to begin with.
     #[error(transparent)]
     Prepare(#[from] strivec_train::PrepareError),

@@ -53,7 +53,7 @@ impl Prior {
         check_sight(&occupied, cameras, observer);
         let near_far = prior::ray_range(cameras, Some(&occupied));
         if config.model.contraction.is_some() {
-            locate_unbounded(config, cameras, near_far[0], observer);
+            locate_unbounded(config, prior::inner_box(cameras), near_far[0], observer);
         } else {
             config.space.near_far.get_or_insert(near_far);
         }
@@ -76,14 +76,12 @@ impl Prior {
         observer: &mut dyn Observer,
     ) -> Result<VoxelBoxes, Error> {
         let bootstraps = *self == Self::Bootstrap;
-        let asked = config.space.near_far;
         let is_opaque = is_opaque(dataset);
-        let all_points = locate(config, dataset, is_opaque, observer)?;
-        if is_opaque && !bootstraps {
-            let matched = find_points(config, dataset, observer)?;
-            if let Some(points) = prior_of_points(config, dataset, asked, all_points, &matched, observer)? {
-                return Ok(points);
-            }
+        let finds = is_opaque && !bootstraps;
+        let matched = if finds { find_points(config, dataset, observer)? } else { Vec::new() };
+        let survey = locate(config, dataset, is_opaque, &matched, observer)?;
+        if finds && let Some(points) = prior_of_points(config, dataset, survey, observer)? {
+            return Ok(points);
         }
         let total = if bootstraps { config.bootstrap.total_steps() } else { u64::from(config.prior.total_steps()) };
         observer.progress(Progress { phase: "prior", done: 0, total, detail: "" });

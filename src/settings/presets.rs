@@ -247,6 +247,7 @@ fn per_ray() -> TrainConfig {
 fn scannet() -> TrainConfig {
     let mut preset = paper(48).with_steps(SCAN_STEPS);
     preset.space.half_extent = SCAN_HALF_EXTENT;
+    preset.space.unbounded = Some(false);
     preset.model.density_reduction = Reduction::Mean;
     preset.scales = scan_scales();
     preset

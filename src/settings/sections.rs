@@ -126,6 +126,10 @@ pub struct SpaceConfig {
     /// if absent.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub inner_box: Option<[DVec3; 2]>,
+    /// True if the scene is unbounded: contracted around its inner box. Decided by what photographs show if absent, or if the
+    /// rules have a contraction.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unbounded: Option<bool>,
     /// Half the largest extent of a bounded scene, in model units. The scales' pitches are relative to it.
     pub half_extent: f64,
 }
@@ -301,7 +305,7 @@ impl Default for LossConfig {
 
 impl Default for SpaceConfig {
     fn default() -> Self {
-        Self { near_far: None, inner_box: None, half_extent: CANONICAL_HALF_EXTENT }
+        Self { near_far: None, inner_box: None, unbounded: None, half_extent: CANONICAL_HALF_EXTENT }
     }
 }
 

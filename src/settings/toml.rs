@@ -211,6 +211,7 @@ pub(super) fn complete() -> TrainConfig {
     (config.photographs.max_side, config.photographs.sky_degree) = (Some(1), Some(0));
     (config.lean.max_parameters, config.lean.max_drop) = (Some(1), Some(1.0));
     (config.space.near_far, config.space.inner_box) = (Some([0.0, 1.0]), Some([glam::DVec3::ZERO, glam::DVec3::ONE]));
+    config.space.unbounded = Some(true);
     config.model.contraction = Some(Contraction { shell: 1.0 });
     config.scales.iter_mut().for_each(|scale| scale.whole_scene = true);
     config

@@ -26,6 +26,8 @@ pub(super) struct Capture {
     pub(super) points: Option<PathBuf>,
     /// The box of the scene, in the dataset's space.
     pub(super) bounds: Option<Aabb>,
+    /// The range of distances from the cameras at which the scene is.
+    pub(super) range: Option<[f64; 2]>,
     /// The depth maps of photographs.
     pub(super) depth_maps: Vec<DepthMap>,
     /// Files that were read beside the listing and the points.
@@ -63,6 +65,7 @@ impl Capture {
             left_out: Vec::new(),
             points: None,
             bounds: None,
+            range: None,
             depth_maps: Vec::new(),
             inputs: Vec::new(),
             entries: Vec::new(),

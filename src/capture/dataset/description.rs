@@ -29,6 +29,8 @@ pub struct Description {
     pub points: Option<PathBuf>,
     /// The scene's box in the dataset's space, if its files have one.
     pub bounds: Option<Aabb>,
+    /// The range of distances from the cameras at which the scene is, if its files have one.
+    pub range: Option<[f64; 2]>,
     /// The used, unused and absent files of the folder.
     pub inventory: Inventory,
 }
@@ -74,6 +76,17 @@ pub fn describe(folder: &Path, options: &LoadOptions) -> Result<Description, Err
     }
     capture.entries.append(&mut entries);
     let inventory = Inventory::of(folder, layout, &capture, options.downscale);
-    let Capture { lost, points, bounds, .. } = capture;
-    Ok(Description { name: files::name_of(folder), layout, splits, masks, lost, missing, points, bounds, inventory })
+    let Capture { lost, points, bounds, range, .. } = capture;
+    Ok(Description {
+        name: files::name_of(folder),
+        layout,
+        splits,
+        masks,
+        lost,
+        missing,
+        points,
+        bounds,
+        range,
+        inventory,
+    })
 }

@@ -18,6 +18,8 @@ use strivec_import::npy::Header;
 pub(super) const POSES: &str = "poses_bounds.npy";
 /// Numbers of a row.
 const ROW: usize = 17;
+/// The share of photographs whose nearest or farthest points are outside the range of all.
+const RANGE_OUTLIERS: f64 = 0.02;
 /// The most photographs.
 const MAX_ROWS: u64 = 1 << 20;
 
@@ -53,6 +55,7 @@ pub(super) fn read(folder: &Path, downscale: u32) -> Result<Capture, Error> {
             bad.keep(shot);
         }
     }
+    capture.range = range_of(&rows);
     let bad = bad.tolerated(count)?;
     capture.lost = bad.len();
     capture.tell_bad(POSES.into(), &bad, count, "poses");
@@ -73,6 +76,19 @@ fn rows_of(path: &Path) -> Result<Vec<[f64; ROW]>, Error> {
         return Ok((0..count).map(|row| std::array::from_fn(|column| numbers[column * count + row])).collect());
     }
     Ok(numbers.as_chunks().0.to_vec())
+}
+
+/// The range of depths of the rows, without those of a few photographs; `None` if it is none.
+fn range_of(rows: &[[f64; ROW]]) -> Option<[f64; 2]> {
+    let sorted = |column: usize| {
+        let mut values: Vec<f64> = rows.iter().map(|row| row[column]).filter(|value| value.is_finite()).collect();
+        values.sort_by(f64::total_cmp);
+        values
+    };
+    let [nears, fars] = [sorted(15), sorted(16)];
+    let few = (RANGE_OUTLIERS * rows.len() as f64) as usize;
+    let (&near, &far) = (nears.get(few)?, fars.get(fars.len().checked_sub(few + 1)?)?);
+    (0.0 < near && near < far).then_some([near, far])
 }
 
 fn shot(

@@ -57,6 +57,8 @@ pub use {
 use std::ops::Range;
 use std::path::PathBuf;
 
+use rayon::prelude::*;
+
 use strivec_format::geometry::{Aabb, Camera};
 
 /// The photographs of one split of a dataset, with their cameras in the dataset's own space.
@@ -76,6 +78,8 @@ pub struct Dataset {
     pub points: Option<PathBuf>,
     /// The scene's box in the dataset's space, if its files have one.
     pub bounds: Option<Aabb>,
+    /// The range of distances from the cameras at which the scene is, in the dataset's units, if its files have one.
+    pub range: Option<[f64; 2]>,
     /// Depth maps of photographs, of any split.
     pub depth_maps: Vec<DepthMap>,
 }
@@ -91,6 +95,7 @@ impl Dataset {
             unreadable: Vec::new(),
             points: None,
             bounds: None,
+            range: None,
             depth_maps: Vec::new(),
         }
     }
@@ -132,6 +137,16 @@ impl Photograph {
     pub fn counts(&self, pixel: usize) -> bool {
         self.mask.as_ref().is_none_or(|mask| mask[pixel])
     }
+}
+
+/// The share of transparent pixels from which on photographs show a thing without its background; fewer are flaws of pictures.
+const TRANSPARENT: f64 = 0.005;
+
+/// True if `views` have a background: hardly anything shows through them.
+pub fn are_opaque(views: &[Photograph]) -> bool {
+    let transparent: usize = views.par_iter().map(|view| view.pixels.count_transparent()).sum();
+    let all: usize = views.iter().map(|view| view.pixels.len()).sum();
+    transparent as f64 <= TRANSPARENT * all as f64
 }
 
 /// A camera without its photograph.

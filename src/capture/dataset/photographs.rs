@@ -150,8 +150,8 @@ fn loaded(name: String, capture: Capture, split: &str, options: &LoadOptions) ->
     let views = loaded.into_iter().filter_map(|view| bad.keep_readable(view)).collect::<Result<Vec<_>, _>>()?;
     let unreadable = bad.tolerated(total)?.iter().map(Error::to_string).collect();
     check_masks(&fitted, &views)?;
-    let Capture { lost, left_out, points, bounds, depth_maps, .. } = capture;
-    Ok(Dataset { name, views, lost, left_out, unreadable, points, bounds, depth_maps })
+    let Capture { lost, left_out, points, bounds, range, depth_maps, .. } = capture;
+    Ok(Dataset { name, views, lost, left_out, unreadable, points, bounds, range, depth_maps })
 }
 
 /// Refuses masks that leave no pixel of any photograph.

@@ -36,6 +36,14 @@ impl Pixels {
         }
     }
 
+    /// Number of pixels through which more than half of what is behind them shows.
+    pub fn count_transparent(&self) -> usize {
+        match self {
+            Self::Rgba8(pixels) => pixels.iter().filter(|p| p[3] < 128).count(),
+            Self::Premultiplied(pixels) => pixels.iter().filter(|p| p[3] < 0.5).count(),
+        }
+    }
+
     /// The color, in \[0, 1\], of pixel number `pixel` on `background`.
     #[inline]
     pub fn color(&self, pixel: usize, background: [f32; 3]) -> [f32; 3] {

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use glam::DVec3;
 
-use super::VoxelBoxes;
+use super::{CameraStatistics, VoxelBoxes};
 use strivec_format::geometry::{Aabb, Camera, Ray, focus_of_axes};
 
 /// Near and far as multiples of the mean distance between the cameras and the point they look at.
@@ -34,7 +34,12 @@ impl CameraBounds {
     /// Parallel axes, a single camera, or cameras that look away from one another determine no focus in front of them.
     /// Then the focus lies on the mean axis: at the foot of the perpendicular from the origin if that is in front of
     /// the cameras, else ahead by the extent of the cameras, else 1 unit ahead.
+    ///
+    /// Cameras that are many times farther from the others than these from each other do not count.
     pub fn from_cameras<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Self {
+        let all: Vec<Camera> = cameras.copied().collect();
+        let statistics = CameraStatistics::of(&all);
+        let cameras = statistics.usual(&all);
         let count = cameras.clone().count().max(1) as f64;
         let axes = cameras.clone().map(|camera| Ray { origin: camera.position, direction: axis(camera) });
         let focus = focus_of_axes(axes).unwrap_or_else(|| focus_ahead(cameras.clone(), count));
@@ -48,8 +53,10 @@ const RANGE_CELLS: usize = 32_768;
 const RANGE_CAMERAS: usize = 128;
 /// The share of the distances above a range: single cells may be outliers.
 const RANGE_OUTLIERS: f64 = 0.002;
-/// The share of a picture that cells before a range fill, and the share of the cameras of which that is more.
+/// The share of a picture that cells before a range fill, at most, and their share of what all cells in it fill; and the share of
+/// the cameras of which that is more.
 const RANGE_PICTURE: f64 = 0.01;
+const RANGE_FILLED: f64 = 0.02;
 const RANGE_PICTURES: f64 = 0.02;
 /// The factor by which a range is wider than the distances of cells, besides a cell: tensors reach past the cells. It is a
 /// factor because space before the cameras in which nothing is fills with floaters.
@@ -74,10 +81,13 @@ pub fn ray_range(cameras: &[Camera], geometry: Option<&VoxelBoxes>) -> [f64; 2] 
         seen.sort_by(f64::total_cmp);
         let pixels = f64::from(camera.width) * f64::from(camera.height);
         let part = camera.focal[0] * camera.focal[1] * side_squared / pixels;
+        let area = |distance: &f64| part / (distance * distance);
+        // Few points fill little of any picture.
+        let enough = RANGE_PICTURE.min(RANGE_FILLED * seen.iter().map(area).sum::<f64>());
         let mut filled = 0.0;
         let fills = |distance: &&f64| {
-            filled += part / (*distance * *distance);
-            filled >= RANGE_PICTURE
+            filled += area(distance);
+            filled >= enough
         };
         begins.extend(seen.iter().find(fills).or(seen.last()));
         distances.append(&mut seen);
@@ -95,7 +105,7 @@ pub fn ray_range(cameras: &[Camera], geometry: Option<&VoxelBoxes>) -> [f64; 2] 
 /// Distances at which rays begin and end, in dataset units, for photographs with opaque backgrounds of which no geometry
 /// is known. Rays end where they leave `bounds`, if the scene's box is known, else farther behind the focus than those
 /// of [`CameraBounds`]: walls and ground that no ray reaches would be painted into the space before them.
-pub(super) fn ray_range_of_surroundings(cameras: &[Camera], bounds: Option<&Aabb>) -> [f64; 2] {
+pub(crate) fn ray_range_of_surroundings(cameras: &[Camera], bounds: Option<&Aabb>) -> [f64; 2] {
     let CameraBounds { near, far, .. } = CameraBounds::from_cameras(cameras.iter());
     let Some(bounds) = bounds else { return [near, far / NEAR_FAR.1 * FAR_OF_SURROUNDINGS] };
     let farthest = |camera: &Camera| (camera.position - bounds.min).abs().max((camera.position - bounds.max).abs());

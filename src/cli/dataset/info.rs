@@ -14,6 +14,7 @@ use strivec_capture::dataset;
 use strivec_capture::dataset::{CameraGroup, Description, InventoryEntry, LoadOptions, NamedCamera, Standing};
 use strivec_capture::prior;
 use strivec_capture::prior::{CameraBounds, VoxelBoxes};
+use strivec_capture::survey::{Evidence, Remark, survey};
 use strivec_format::escape::escaped_path;
 use strivec_format::geometry::Camera;
 use strivec_measure::color_png;
@@ -113,9 +114,19 @@ impl<'a> InventoryRow<'a> {
 /// Prints what the dataset is, and draws it.
 pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let description = dataset::describe(&args.dataset, &args.options.load_options(1))?;
-    let Description { name, layout, splits, masks, lost, missing, points, bounds, inventory } = &description;
+    let Description { name, layout, splits, masks, lost, missing, points, bounds, range, inventory } = &description;
     let cameras: Vec<Camera> = splits.iter().flat_map(|(_, named)| named.iter().map(|n| n.camera)).collect();
-    let location = prior::locate(points.as_deref(), *bounds, &cameras, || is_opaque(args))?;
+    let is_opaque = is_opaque(args);
+    let evidence = Evidence {
+        cameras: &cameras,
+        points: points.as_deref(),
+        bounds: *bounds,
+        range: *range,
+        shown: &[],
+        matched: &[],
+        is_opaque,
+    };
+    let location = survey(&evidence)?;
     let focus = CameraBounds::from_cameras(cameras.iter()).focus;
     let distances = cameras.iter().map(|camera| camera.position.distance(focus));
     let mean = distances.clone().sum::<f64>() / cameras.len() as f64;
@@ -123,13 +134,19 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let mut inventory = inventory.clone();
     if let Some(file) = points.as_deref().filter(|_| location.points.is_none()) {
         let path = file.strip_prefix(&args.dataset).unwrap_or(file).to_string_lossy().into_owned();
-        let what = "its points have no extent, or no camera sees them".into();
+        let said = location.remarks.iter().find(|remark| matches!(remark, Remark::Points { .. }));
+        let what = said.map_or_else(|| "its points have no extent".into(), ToString::to_string);
         let entry = InventoryEntry { standing: Standing::Unused, path, count: 1, what };
         inventory.entries.retain(|other| other.standing != Standing::Used || other.path != entry.path);
         inventory.entries.insert(0, entry);
     }
     let left_out = points.as_deref().and_then(|file| prior::points_left_out(&args.dataset, file));
     drop(inventory.entries.splice(..0, left_out));
+    for remark in location.remarks.iter().filter(|remark| !matches!(remark, Remark::Points { .. })) {
+        let entry =
+            InventoryEntry { standing: Standing::Doubtful, path: ".".into(), count: 1, what: remark.to_string() };
+        inventory.entries.push(entry);
+    }
     let info = Info {
         name,
         layout: layout.name(),
@@ -165,10 +182,10 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     session.console.result(&info, text)
 }
 
-/// True if the first photograph has no transparent pixel; false if it cannot be read.
+/// True if the first photograph has a background; false if it cannot be read.
 fn is_opaque(args: &Args) -> bool {
     let first = LoadOptions { views: Some(0..1), ..args.options.load_options(1) };
-    dataset::load(&args.dataset, "train", &first).is_ok_and(|dataset| dataset.views[0].pixels.is_opaque())
+    dataset::load(&args.dataset, "train", &first).is_ok_and(|dataset| dataset::are_opaque(&dataset.views))
 }
 
 /// Cameras of the same size, lens and focal lengths are of one kind.

@@ -33,9 +33,9 @@ use self::ray_sampler::PixelSampler;
 pub use self::ray_sampler::check_views;
 use self::trainer::CoarseTrainer;
 use super::free_space::FreeSpace;
-use super::{CameraBounds, Error, VoxelBoxes, frusta_box};
+use super::{CameraBounds, CameraStatistics, Error, VoxelBoxes, frusta_box};
 use crate::dataset::Dataset;
-use strivec_format::geometry::{Aabb, Lattice, Similarity, cell_at};
+use strivec_format::geometry::{Aabb, Camera, Lattice, Similarity, cell_at};
 use strivec_format::psnr::RunningMse;
 
 /// Progress of a training.
@@ -122,9 +122,10 @@ pub fn reconstruct(
     Ok(boxes)
 }
 
-/// The box of the dataset's frusta between `near` and `far`, or its part in the box that the dataset itself has.
+/// The box of the dataset's frusta between `near` and `far`, but for cameras far from all others, or its part in the box that the dataset itself has.
 pub fn frusta_within(dataset: &Dataset, near: f64, far: f64) -> Aabb {
-    let frusta = frusta_box(dataset.views.iter().map(|v| &v.camera), near, far);
+    let cameras: Vec<Camera> = dataset.views.iter().map(|view| view.camera).collect();
+    let frusta = frusta_box(CameraStatistics::of(&cameras).usual(&cameras), near, far);
     let within = dataset.bounds.map(|bounds| frusta.intersection(&bounds));
     within.filter(Aabb::is_solid).unwrap_or(frusta)
 }

@@ -1,0 +1,386 @@
+//! The survey of a capture: where its scene is, decided once from all that is known of it.
+//!
+//! In: [`Evidence`]: the cameras, the points that the dataset's files have, points matched between opaque photographs, and the
+//! boxes and ranges in the files. Out: a [`Survey`], from which the range of rays, the scene's box, the inner box of an unbounded
+//! scene and the prior follow, and a [`Remark`] on each part of the evidence that contradicts the rest. Everything goes by
+//! medians and quantiles: no single point, camera or pixel decides.
+
+use std::path::Path;
+
+use glam::DVec3;
+
+use crate::prior::{
+    BuildError, CameraBounds, CameraStatistics, SPARSE_OUTLIERS, VoxelBoxes, cells_around, central_box, points_in,
+    ray_range, ray_range_of_surroundings,
+};
+use strivec_format::digits::plural;
+use strivec_format::geometry::{Aabb, Camera};
+
+/// The share of one part of the evidence that must lie where another has the scene.
+const AGREEING: f64 = 0.2;
+/// Places that photographs show that are enough to contradict the dataset's files.
+const ENOUGH_SHOWN: usize = 500;
+/// The central share of them, along each axis, that stands for all.
+const SHOWN: f64 = 0.98;
+/// The margin around their box, as a share of its size, beyond which they do not count in a bounded scene.
+const SHOWN_MARGIN: f64 = 0.25;
+/// How many times longer than the inner box the box of what photographs show is in an unbounded scene.
+const WIDE: f64 = 3.0;
+/// The margin around the points' box, as a share of its size: surfaces without texture have no points.
+const POINTS_MARGIN: f64 = 0.1;
+/// The central shares, along each axis, of what photographs show and of the cameras that an inner box holds.
+const INNER_SURFACES: f64 = 0.5;
+const INNER_CAMERAS: f64 = 0.9;
+
+/// All that is known of where a scene is, in the dataset's space.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Evidence<'a> {
+    /// The cameras, at least one.
+    pub cameras: &'a [Camera],
+    /// The file of points on the scene's surfaces.
+    pub points: Option<&'a Path>,
+    /// The scene's box in the dataset's files.
+    pub bounds: Option<Aabb>,
+    /// The range of distances from the cameras in the dataset's files.
+    pub range: Option<[f64; 2]>,
+    /// Places that photographs show at known distances ([`prior::shown`](crate::prior::shown)).
+    pub shown: &'a [DVec3],
+    /// Points that were matched between the photographs, some at distances that these do not resolve.
+    pub matched: &'a [DVec3],
+    /// Nothing shows through the photographs: they have a background.
+    pub is_opaque: bool,
+}
+
+/// Where a scene is, in the dataset's space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Survey {
+    /// The distances at which rays begin and end.
+    pub near_far: [f64; 2],
+    /// The scene's box; `None` if only the cameras bound it.
+    pub bounds: Option<Aabb>,
+    /// The inner box of the scene if it is unbounded.
+    pub inner_box: Aabb,
+    /// Much of what photographs show is so far away that the scene is better unbounded.
+    pub is_wide: bool,
+    /// The cells that hold the dataset's points, without outliers.
+    pub points: Option<VoxelBoxes>,
+    /// The cells that hold all of them.
+    pub all_points: Option<VoxelBoxes>,
+    /// Points on the surfaces that photographs show, the dataset's and matched ones, but for those far outside of all others;
+    /// empty if there are too few matched ones.
+    pub surfaces: Vec<DVec3>,
+    /// What contradicts the rest, and is not used.
+    pub remarks: Vec<Remark>,
+}
+
+/// A part of the evidence that contradicts the rest.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Remark {
+    /// Cameras that are far from all others; they are trained on, but do not count for where the scene is.
+    #[error("camera {} stands {times:.0} times as far from the others as these from each other{}", numbers[0], others(numbers))]
+    OddCameras {
+        /// Their numbers, from 0.
+        numbers: Vec<usize>,
+        /// How many times the first is farther from the middle than half of them.
+        times: f64,
+    },
+    /// No camera sees the points, or photographs show the scene elsewhere.
+    #[error("{what} the points of {file}, which are not used")]
+    Points {
+        /// What contradicts them.
+        what: &'static str,
+        /// The file.
+        file: String,
+    },
+    /// Photographs show the scene outside the box.
+    #[error(
+        "the dataset's box, {min:.3} to {max:.3}, holds {share:.0} % of what photographs show and is not used (of transforms.json, \
+         the key is aabb_scale)", min = bounds.min, max = bounds.max, share = 100.0 * share
+    )]
+    Bounds {
+        /// The box.
+        bounds: Aabb,
+        /// The share of the points in it.
+        share: f64,
+    },
+}
+
+/// Cameras from which no scene follows.
+#[derive(Debug, thiserror::Error)]
+pub enum SurveyError {
+    /// The file of points cannot be read.
+    #[error(transparent)]
+    Points(#[from] BuildError),
+    /// All cameras are at one place.
+    #[error(
+        "the {count} cameras are all at {place:.3}, and photographs from one place show no depth; poses that are inverted \
+         (world to camera instead of camera to world) look like this, too"
+    )]
+    OnePlace {
+        /// The number of cameras.
+        count: usize,
+        /// Their place.
+        place: DVec3,
+    },
+}
+
+fn others(numbers: &[usize]) -> String {
+    match numbers.len() - 1 {
+        0 => String::new(),
+        count => format!(", and so {} {}", if count == 1 { "does" } else { "do" }, plural(count, "other")),
+    }
+}
+
+/// The place of the scene of which `evidence` tells, by the first that is known: points that were matched between its
+/// photographs, the dataset's points, the range in its files, its box if photographs are opaque, the cameras alone.
+///
+/// # Errors
+///
+/// If all cameras are at one place, or the file of points cannot be read. A file whose points have no extent counts as none.
+pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
+    let Evidence { cameras, is_opaque, .. } = *evidence;
+    let statistics = CameraStatistics::of(cameras);
+    if statistics.one_place {
+        return Err(SurveyError::OnePlace { count: cameras.len(), place: statistics.middle });
+    }
+    let numbers: Vec<usize> = (0..cameras.len()).filter(|&n| statistics.odd[n]).collect();
+    let first = numbers.first().map(|&n| statistics.times(cameras, n));
+    let mut remarks: Vec<Remark> = first.map(|times| Remark::OddCameras { numbers, times }).into_iter().collect();
+    let usual: Vec<Camera> = statistics.usual(cameras).copied().collect();
+    let places = evidence.shown;
+    let shown = (places.len() >= ENOUGH_SHOWN)
+        .then(|| central_box(places.iter().map(|&at| (at, 1.0)).collect(), SHOWN))
+        .filter(Aabb::is_solid);
+    let [points, all_points] = points_of(evidence, &usual, shown.as_ref(), &mut remarks)?;
+    let bounds = evidence.bounds.filter(|bounds| {
+        let share = match (&shown, &points) {
+            (Some(_), _) => share_in(bounds, places.iter().copied()),
+            (None, Some(points)) => share_in(bounds, points.boxes().map(|cell| cell.center())),
+            (None, None) => 1.0,
+        };
+        if share < AGREEING {
+            remarks.push(Remark::Bounds { bounds: *bounds, share });
+        }
+        share >= AGREEING
+    });
+    let by_cameras = || match is_opaque {
+        true => ray_range_of_surroundings(&usual, bounds.as_ref()),
+        false => ray_range(&usual, None),
+    };
+    let inner_box = inner_box(&statistics, cameras, places);
+    let is_wide = shown.is_some_and(|shown| shown.size().max_element() > WIDE * inner_box.size().max_element());
+    let surfaces = shown.map_or_else(Vec::new, |shown| {
+        let within = shown.grown(SHOWN_MARGIN * shown.size());
+        let centers = points.iter().flat_map(VoxelBoxes::boxes).map(|cell| cell.center());
+        places
+            .iter()
+            .chain(evidence.matched)
+            .copied()
+            .chain(centers)
+            .filter(|&at| is_wide || within.contains(at))
+            .collect()
+    });
+    let surface_cells = cells_around(&surfaces);
+    let near_far = match (surface_cells.as_ref().or(points.as_ref()), evidence.range) {
+        (Some(cells), _) => ray_range(&usual, Some(cells)),
+        (None, Some(range)) => range,
+        (None, None) => by_cameras(),
+    };
+    let around = |cells: &VoxelBoxes| {
+        let bounds = cells.bounds();
+        bounds.grown(POINTS_MARGIN * bounds.size())
+    };
+    let known = [points.as_ref().map(around), shown].into_iter().flatten().reduce(|a, b| a.union(&b));
+    Ok(Survey { near_far, bounds: bounds.or(known), inner_box, is_wide, points, all_points, surfaces, remarks })
+}
+
+/// The cells of the dataset's points without outliers and of all of them, unless no camera sees them, or photographs show the
+/// scene elsewhere.
+fn points_of(
+    evidence: &Evidence<'_>,
+    cameras: &[Camera],
+    shown: Option<&Aabb>,
+    remarks: &mut Vec<Remark>,
+) -> Result<[Option<VoxelBoxes>; 2], SurveyError> {
+    let Some(file) = evidence.points else { return Ok([None, None]) };
+    let [points, all] = [points_in(file, Some(SPARSE_OUTLIERS))?, points_in(file, None)?];
+    let Some(cells) = &points else { return Ok([points, all]) };
+    let centers = || cells.boxes().map(|cell| cell.center());
+    let is_seen = |at: &DVec3| cameras.iter().any(|c| c.project(*at).is_some_and(|pixel| c.is_inside(pixel)));
+    let seen = centers().filter(is_seen).count() as f64;
+    let what = if seen < AGREEING * cells.cells.len() as f64 {
+        "no camera sees"
+    } else if shown.is_some_and(|shown| share_in(&shown.grown(shown.size()), centers()) < AGREEING) {
+        "the photographs do not show the scene at"
+    } else {
+        return Ok([points, all]);
+    };
+    remarks.push(Remark::Points { what, file: file.display().to_string() });
+    Ok([None, None])
+}
+
+/// The inner box of an unbounded scene: it holds half of what photographs show, by its area in them, and most cameras.
+fn inner_box(statistics: &CameraStatistics, cameras: &[Camera], shown: &[DVec3]) -> Aabb {
+    let of_cameras = statistics.central_box(cameras, INNER_CAMERAS);
+    if shown.is_empty() {
+        let CameraBounds { focus, near, .. } = CameraBounds::from_cameras(cameras.iter());
+        return of_cameras.union(&Aabb::around(focus, DVec3::splat(near)));
+    }
+    of_cameras.union(&central_box(shown.iter().map(|&at| (at, 1.0)).collect(), INNER_SURFACES))
+}
+
+/// The share of `points` in `bounds`.
+fn share_in(bounds: &Aabb, points: impl Iterator<Item = DVec3>) -> f64 {
+    let [mut all, mut inside] = [0.0, 0.0];
+    for point in points {
+        all += 1.0;
+        inside += f64::from(u8::from(bounds.contains(point)));
+    }
+    inside / f64::max(all, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::PathBuf;
+
+    use super::*;
+
+    fn cameras() -> Vec<Camera> {
+        (0..8)
+            .map(|n| {
+                let at = 4.0 * DVec3::new(f64::from(n).cos(), f64::from(n).sin(), 0.3);
+                Camera::looking_at([64, 64], 64.0, at, DVec3::ZERO, DVec3::Z)
+            })
+            .collect()
+    }
+
+    /// A file of a grid of `edge`³ points, 0.8 wide, around `middle`.
+    fn points_file(folder: &tempfile::TempDir, edge: u32, middle: DVec3) -> PathBuf {
+        let file = folder.path().join("points.xyz");
+        let line = |n: u32| {
+            let step = |n: u32| 0.8 * f64::from(n % edge) / f64::from(edge - 1) - 0.4;
+            let at = middle + DVec3::new(step(n), step(n / edge), step(n / edge / edge));
+            format!("{} {} {}", at.x, at.y, at.z)
+        };
+        fs::write(&file, (0..edge * edge * edge).map(line).collect::<Vec<_>>().join("\n")).unwrap();
+        file
+    }
+
+    /// Places on the sphere of this radius.
+    fn places(count: usize, radius: f64) -> Vec<DVec3> {
+        let turn = |n: f64| DVec3::new((2.4 * n).cos(), (2.4 * n).sin(), (0.61 * n).sin()).normalize();
+        (0..count).map(|n| radius * turn(n as f64)).collect()
+    }
+
+    #[test]
+    fn points_precede_the_box_and_the_box_precedes_the_cameras() {
+        let folder = tempfile::tempdir().unwrap();
+        let (cameras, file) = (cameras(), points_file(&folder, 5, DVec3::ZERO));
+        let bounds = Aabb::around(DVec3::ZERO, DVec3::ONE);
+        let of = |points: Option<&Path>, bounds, range, is_opaque| {
+            survey(&Evidence { cameras: &cameras, points, bounds, range, is_opaque, ..Evidence::default() }).unwrap()
+        };
+
+        let by_points = of(Some(&file), None, None, true);
+        let [near, far] = by_points.near_far;
+        assert!(near > 3.0 && near < 3.6 && far < 5.5, "{near} to {far}");
+        let size = by_points.bounds.unwrap().size();
+        assert!(size.min_element() > 0.8 && size.max_element() < 1.3, "{size}");
+        assert_eq!(of(Some(&file), Some(bounds), None, true).bounds, Some(bounds));
+        assert_eq!(of(Some(&file), None, Some([1.0, 9.0]), true).near_far, by_points.near_far);
+
+        assert_eq!(of(None, None, Some([1.0, 9.0]), true).near_far, [1.0, 9.0]);
+        let surroundings = |bounds| ray_range_of_surroundings(&cameras, bounds);
+        assert_eq!(of(None, Some(bounds), None, true).near_far, surroundings(Some(&bounds)));
+        assert_eq!(of(None, Some(bounds), None, false).near_far, ray_range(&cameras, None));
+        assert_eq!(of(None, None, None, true).near_far, surroundings(None));
+
+        // Points in one place have no extent.
+        fs::write(&file, "1 1 1\n1 1 1\n").unwrap();
+        let none = of(Some(&file), None, None, false);
+        assert_eq!((none.near_far, none.bounds, none.points), (ray_range(&cameras, None), None, None));
+    }
+
+    #[test]
+    fn evidence_that_contradicts_what_photographs_show_is_named_and_not_used() {
+        let folder = tempfile::tempdir().unwrap();
+        let (cameras, places) = (cameras(), places(2000, 1.0));
+        let shown = |points, bounds| {
+            let evidence =
+                Evidence { cameras: &cameras, points, bounds, shown: &places, is_opaque: true, ..Evidence::default() };
+            survey(&evidence).unwrap()
+        };
+        let clean = shown(None, None);
+        assert!(clean.remarks.is_empty() && !clean.is_wide && clean.surfaces.len() == 2000);
+        assert!(clean.near_far[0] > 2.0 && clean.near_far[1] < 6.5, "{:?}", clean.near_far);
+
+        let file = points_file(&folder, 5, DVec3::new(0.0, 9.0, 0.0));
+        let elsewhere = shown(Some(&file), None);
+        assert!(elsewhere.remarks[0].to_string().contains("points.xyz, which are not used"), "{:?}", elsewhere.remarks);
+        assert_eq!((elsewhere.near_far, elsewhere.points), (clean.near_far, None));
+
+        let small = shown(None, Some(Aabb::around(DVec3::ZERO, DVec3::splat(0.1))));
+        assert!(small.remarks[0].to_string().contains("aabb_scale"), "{:?}", small.remarks);
+        assert_eq!((small.near_far, small.bounds), (clean.near_far, clean.bounds));
+        let right = Aabb::around(DVec3::ZERO, DVec3::splat(1.5));
+        assert_eq!(shown(None, Some(right)).bounds, Some(right));
+    }
+
+    #[test]
+    fn points_that_no_camera_sees_are_not_used() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = points_file(&folder, 5, DVec3::new(0.0, 0.0, 50.0));
+        let evidence = Evidence { cameras: &cameras(), points: Some(&file), is_opaque: true, ..Evidence::default() };
+        let found = survey(&evidence).unwrap();
+        assert!(found.remarks[0].to_string().starts_with("no camera sees"), "{:?}", found.remarks);
+        assert_eq!((found.points, found.bounds), (None, None));
+    }
+
+    #[test]
+    fn a_few_points_begin_the_range_before_the_nearest_of_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = points_file(&folder, 3, DVec3::ZERO);
+        let evidence = Evidence { cameras: &cameras(), points: Some(&file), is_opaque: true, ..Evidence::default() };
+        let [near, _] = survey(&evidence).unwrap().near_far;
+        let nearest = 4.0 * 1.09_f64.sqrt() - 0.4 * 3.0_f64.sqrt();
+        assert!(near < nearest + 0.1 && near > 2.5, "{near}, the nearest corner may be at {nearest}");
+    }
+
+    #[test]
+    fn one_camera_far_away_is_named_and_changes_nothing() {
+        let mut spoiled = cameras();
+        let of = |cameras: &[Camera]| survey(&Evidence { cameras, is_opaque: true, ..Evidence::default() }).unwrap();
+        let clean = of(&spoiled);
+        spoiled.push(Camera { position: DVec3::new(8000.0, 0.0, 0.0), ..spoiled[0] });
+        let found = of(&spoiled);
+        assert_eq!((found.near_far, found.inner_box), (clean.near_far, clean.inner_box));
+        assert!(found.remarks[0].to_string().starts_with("camera 8 stands"), "{:?}", found.remarks);
+    }
+
+    #[test]
+    fn cameras_at_one_place_are_refused() {
+        let mut cameras = cameras();
+        cameras.iter_mut().for_each(|camera| camera.position = DVec3::ONE);
+        let error = survey(&Evidence { cameras: &cameras, ..Evidence::default() }).unwrap_err().to_string();
+        assert!(
+            error.contains("the 8 cameras are all at [1.000, 1.000, 1.000]") && error.contains("inverted"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn much_that_is_far_makes_a_scene_unbounded_and_a_little_does_not() {
+        let cameras = cameras();
+        let of = |far: usize| {
+            let shown: Vec<DVec3> = places(2000, 1.0).into_iter().chain(places(far, 60.0)).collect();
+            survey(&Evidence { cameras: &cameras, shown: &shown, is_opaque: true, ..Evidence::default() }).unwrap()
+        };
+        let (few, much) = (of(15), of(600));
+        assert!(!few.is_wide && much.is_wide);
+        assert!(few.bounds.unwrap().size().max_element() < 3.0, "{:?}", few.bounds);
+        assert_eq!(few.surfaces.len(), 2000, "those far outside are not in the prior");
+        assert!(much.inner_box.size().max_element() < 9.0, "{:?}", much.inner_box);
+        assert_eq!(much.surfaces.len(), 2600);
+    }
+}
