@@ -86,12 +86,12 @@ impl Grid {
         Seen { through: vec![0; count], surface: vec![false; count] }
     }
 
-    /// What `views` see.
+    /// The surfaces in `views`, and the cells that they see through.
     fn seen(&self, views: &[Photograph], scene: &Scene) -> Seen {
         let mut seen = self.unseen();
         // \[cell\] one more than the number of the last photograph that saw through it.
         let mut last = vec![0_u32; seen.through.len()];
-        for (n, view) in (1..).zip(views) {
+        for (n, view) in (1..).zip(views).filter(|(_, view)| !view.distances.is_empty()) {
             let camera = view.camera.mapped(&scene.frame.model_from_dataset);
             let stride = (view.distances.len() as f64 / RAYS).sqrt().ceil().max(1.0) as usize;
             for row in (stride as u32 / 2..camera.height).step_by(stride) {

@@ -10,11 +10,11 @@ use glam::{DAffine3, DVec3, IVec3, Vec3};
 
 use super::NoCells;
 use super::bad_shapes::BadShapes;
+use super::extent::{Extent, keeps_upright};
 use super::holes::filled;
 use super::morphology::CellRuns;
 use super::outliers::{Outliers, inliers};
 use super::overlap::{Convex, Parallelepiped, Triangle};
-use super::survey::{Survey, keeps_upright};
 use super::voxels::{MAX_CELLS, Voxels, boxes_of, too_many_cells};
 use super::{BuildError, Error, VoxelBoxes};
 use crate::geometry;
@@ -268,7 +268,7 @@ fn mean_color(colors: [Option<[u8; 3]>; 3]) -> Option<[u8; 3]> {
 
 /// The first pass: the bounds of the geometry, or, if outliers are removed, of the points that are kept.
 struct FirstPass {
-    survey: Survey,
+    extent: Extent,
     /// Points within the crop, if outliers are removed.
     searched: Option<Vec<DVec3>>,
     crop: Option<Aabb>,
@@ -278,7 +278,7 @@ struct FirstPass {
 impl FirstPass {
     fn new(options: &BuildOptions) -> Self {
         let searched = options.outliers.map(|_| Vec::new());
-        Self { survey: Survey::new(options.crop), searched, crop: options.crop, failure: None }
+        Self { extent: Extent::new(options.crop), searched, crop: options.crop, failure: None }
     }
 
     /// The lattice, and for each point within the crop whether it is kept.
@@ -286,12 +286,12 @@ impl FirstPass {
         let kept = match (&self.searched, &run.options.outliers) {
             (Some(searched), Some(rule)) => {
                 let kept = inliers(searched, rule);
-                searched.iter().zip(&kept).filter(|(_, kept)| **kept).for_each(|(at, _)| self.survey.point(*at));
+                searched.iter().zip(&kept).filter(|(_, kept)| **kept).for_each(|(at, _)| self.extent.point(*at));
                 Some(kept)
             }
             _ => None,
         };
-        Ok((self.survey.lattice(run.files)?, kept))
+        Ok((self.extent.lattice(run.files)?, kept))
     }
 }
 
@@ -306,7 +306,7 @@ impl Shapes for FirstPass {
                 }
                 searched.push(at);
             }
-            _ => self.survey.point(at),
+            _ => self.extent.point(at),
         }
         Ok(())
     }
@@ -316,12 +316,12 @@ impl Shapes for FirstPass {
     }
 
     fn triangle(&mut self, triangle: Triangle, _: Option<[u8; 3]>) -> Result<(), Fault> {
-        self.survey.triangle(&triangle);
+        self.extent.triangle(&triangle);
         Ok(())
     }
 
     fn cell(&mut self, cell: &Aabb, _: Option<[u8; 3]>, map: &DAffine3) -> Result<(), Fault> {
-        self.survey.cell(cell, map);
+        self.extent.cell(cell, map);
         Ok(())
     }
 

@@ -9,7 +9,7 @@ const ODD: f64 = 30.0;
 /// Cameras whose positions differ by less than this share of their size are at one place.
 const ONE_PLACE: f64 = 1e-9;
 
-/// The positions and directions of cameras.
+/// What the positions of cameras say.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CameraStatistics {
     /// \[camera\] true if its position contradicts the others'.
@@ -46,7 +46,7 @@ impl CameraStatistics {
 
     /// The box of the central `share` of the positions along each axis.
     pub(crate) fn central_box(&self, cameras: &[Camera], share: f64) -> Aabb {
-        central_box(self.usual(cameras).map(|camera| (camera.position, 1.0)).collect(), share)
+        central_box(&self.usual(cameras).map(|camera| camera.position).collect::<Vec<_>>(), share)
     }
 }
 
@@ -55,26 +55,21 @@ fn middle_of<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> DVec3 {
 }
 
 /// The middle one of `values`, the lower one of two; 0 without any.
-pub(crate) fn median(values: impl Iterator<Item = f64>) -> f64 {
-    quantile(values.map(|value| (value, 1.0)).collect(), 0.5)
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    quantile(values.collect(), 0.5)
 }
 
-/// The value below which `share` of the weight of `values` lies; 0 without any.
-pub(crate) fn quantile(mut values: Vec<(f64, f64)>, share: f64) -> f64 {
-    values.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let all: f64 = values.iter().map(|(_, weight)| weight).sum();
-    let mut sum = 0.0;
-    let found = values.iter().find(|(_, weight)| {
-        sum += weight;
-        sum >= share * all
-    });
-    found.or(values.last()).map_or(0.0, |(value, _)| *value)
+/// The smallest of `values` that at least this `share` of them do not exceed; 0 without any.
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let before = (share * values.len() as f64).ceil() as usize;
+    values.get(before.saturating_sub(1)).copied().unwrap_or(0.0)
 }
 
-/// The box of the central `share` of the weight of `points` along each axis.
-pub(crate) fn central_box(points: Vec<(DVec3, f64)>, share: f64) -> Aabb {
+/// The box of the central `share` of `points` along each axis.
+pub(crate) fn central_box(points: &[DVec3], share: f64) -> Aabb {
     let end = |share: f64| -> DVec3 {
-        [0, 1, 2].map(|axis| quantile(points.iter().map(|(at, weight)| (at[axis], *weight)).collect(), share)).into()
+        [0, 1, 2].map(|axis| quantile(points.iter().map(|at| at[axis]).collect(), share)).into()
     };
     Aabb { min: end(0.5 - 0.5 * share), max: end(0.5 + 0.5 * share) }
 }
@@ -114,8 +109,8 @@ mod tests {
     }
 
     #[test]
-    fn quantiles_weigh_their_values() {
-        let values = vec![(3.0, 1.0), (1.0, 1.0), (2.0, 6.0)];
+    fn quantiles_are_among_the_values() {
+        let values = vec![3.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0];
         assert_eq!([0.0, 0.2, 0.5, 0.9].map(|share| quantile(values.clone(), share)), [1.0, 2.0, 2.0, 3.0]);
         assert_eq!(quantile(Vec::new(), 0.5), 0.0);
     }

@@ -7,8 +7,8 @@ use std::path::Path;
 use glam::{DVec3, IVec3};
 use rayon::prelude::*;
 
+use super::extent::Extent;
 use super::stereo::{MatchWatch, Matches, matches};
-use super::survey::Survey;
 use super::voxels::boxes_of;
 use super::{BuildError, BuildOptions, Built, Outliers, VoxelBoxes, build};
 use crate::dataset::Photograph;
@@ -17,7 +17,7 @@ use strivec_format::geometry::Camera;
 /// The rule for outliers among the sparse points of structure from motion.
 pub(crate) const SPARSE_OUTLIERS: Outliers = Outliers { neighbors: 16, deviations: 2.0 };
 
-/// The photographs among which points are matched, at most: it takes a core about a second for each.
+/// The photographs among which points are matched, at most: each takes a core about a third of a second.
 const MATCHED_VIEWS: usize = 200;
 
 /// Matches points between opaque photographs with known poses (`stereo.rs`), and sets the views' distances to them. Of
@@ -47,15 +47,15 @@ pub fn shown(views: &[Photograph]) -> Vec<DVec3> {
         };
         places.filter_map(place).collect()
     };
-    views.par_iter().flat_map_iter(of_view).collect()
+    views.par_iter().filter(|view| !view.distances.is_empty()).flat_map_iter(of_view).collect()
 }
 
 /// The cells that hold `points`, about as many along the edges of their box as the coarse reconstruction has; `None` if
 /// they have no extent.
 pub fn cells_around(points: &[DVec3]) -> Option<VoxelBoxes> {
-    let mut survey = Survey::new(None);
-    points.iter().for_each(|&point| survey.point(point));
-    let lattice = survey.lattice(&[]).ok()?;
+    let mut extent = Extent::new(None);
+    points.iter().for_each(|&point| extent.point(point));
+    let lattice = extent.lattice(&[]).ok()?;
     let cells: BTreeSet<_> = points.iter().map(|&point| lattice.cell_of(point)).map(|c| [c.z, c.y, c.x]).collect();
     boxes_of(&lattice, cells.iter().map(|&[z, y, x]| IVec3::new(x, y, z)))
 }

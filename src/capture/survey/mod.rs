@@ -69,7 +69,7 @@ pub struct Survey {
     /// Points on the surfaces that photographs show, the dataset's and matched ones, but for those far outside of all others;
     /// empty if there are too few matched ones.
     pub surfaces: Vec<DVec3>,
-    /// What contradicts the rest, and is not used.
+    /// The parts of the evidence that contradict the rest and are not used.
     pub remarks: Vec<Remark>,
 }
 
@@ -87,7 +87,7 @@ pub enum Remark {
     /// No camera sees the points, or photographs show the scene elsewhere.
     #[error("{what} the points of {file}, which are not used")]
     Points {
-        /// What contradicts them.
+        /// The beginning of the message: who sees nothing there.
         what: &'static str,
         /// The file.
         file: String,
@@ -148,9 +148,7 @@ pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
     let mut remarks: Vec<Remark> = first.map(|times| Remark::OddCameras { numbers, times }).into_iter().collect();
     let usual: Vec<Camera> = statistics.usual(cameras).copied().collect();
     let places = evidence.shown;
-    let shown = (places.len() >= ENOUGH_SHOWN)
-        .then(|| central_box(places.iter().map(|&at| (at, 1.0)).collect(), SHOWN))
-        .filter(Aabb::is_solid);
+    let shown = (places.len() >= ENOUGH_SHOWN).then(|| central_box(places, SHOWN)).filter(Aabb::is_solid);
     let [points, all_points] = points_of(evidence, &usual, shown.as_ref(), &mut remarks)?;
     let bounds = evidence.bounds.filter(|bounds| {
         let share = match (&shown, &points) {
@@ -226,7 +224,7 @@ fn inner_box(statistics: &CameraStatistics, cameras: &[Camera], shown: &[DVec3])
         let CameraBounds { focus, near, .. } = CameraBounds::from_cameras(cameras.iter());
         return of_cameras.union(&Aabb::around(focus, DVec3::splat(near)));
     }
-    of_cameras.union(&central_box(shown.iter().map(|&at| (at, 1.0)).collect(), INNER_SURFACES))
+    of_cameras.union(&central_box(shown, INNER_SURFACES))
 }
 
 /// The share of `points` in `bounds`.

@@ -45,7 +45,7 @@ const BLOCK: usize = 16;
 /// The time after which what was found is kept.
 const KEEP_EVERY: Duration = Duration::from_secs(20);
 
-/// What watches a matching: it may keep the results, and stop it. `()` does neither.
+/// A caller's part in a matching: it may keep the planes that are found, and stop the search. `()` does neither.
 pub trait MatchWatch {
     /// The bytes that were last kept under `name`, which tells the photographs and cameras. Others than these do no harm.
     fn kept(&mut self, name: &str) -> Option<Vec<u8>> {
@@ -58,7 +58,8 @@ pub trait MatchWatch {
         let _ = (name, bytes);
     }
 
-    /// So many of `total` searches are done. A matching that is stopped goes on from what it kept.
+    /// Called when `done` of `total` searches are done. Returning [`ControlFlow::Break`] stops the matching; with the planes
+    /// that were kept, the next one continues.
     fn progress(&mut self, done: usize, total: usize) -> ControlFlow<()> {
         let _ = (done, total);
         ControlFlow::Continue(())

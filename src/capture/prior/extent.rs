@@ -25,7 +25,7 @@ pub(super) fn keeps_upright(map: &DAffine3) -> bool {
 }
 
 /// Bounds of the geometry, a sample of its points, and the cells of grids.
-pub(super) struct Survey {
+pub(super) struct Extent {
     crop: Option<Aabb>,
     /// Bounds of everything, the crop ignored.
     all: Aabb,
@@ -42,7 +42,7 @@ pub(super) struct Survey {
     all_grid: bool,
 }
 
-impl Survey {
+impl Extent {
     pub(super) fn new(crop: Option<Aabb>) -> Self {
         Self {
             crop,
@@ -161,22 +161,22 @@ mod tests {
     use super::*;
 
     /// Points of a cube of edge 1.
-    fn cube(survey: &mut Survey, count: u64) {
+    fn cube(extent: &mut Extent, count: u64) {
         let random = Random::new(3, "cube");
         let at = |n: u64| DVec3::new(random.uniform(3 * n), random.uniform(3 * n + 1), random.uniform(3 * n + 2));
-        (0..count).for_each(|n| survey.point(at(n)));
+        (0..count).for_each(|n| extent.point(at(n)));
     }
 
-    fn edge(survey: Survey) -> f64 {
-        survey.lattice(&[]).unwrap().pitch.x
+    fn edge(extent: Extent) -> f64 {
+        extent.lattice(&[]).unwrap().pitch.x
     }
 
     #[test]
     fn a_few_points_far_away_do_not_change_the_cells() {
         for count in [1000, 200_000] {
-            let mut clean = Survey::new(None);
+            let mut clean = Extent::new(None);
             cube(&mut clean, count);
-            let mut spoiled = Survey::new(None);
+            let mut spoiled = Extent::new(None);
             cube(&mut spoiled, count);
             for n in 0..count / 50 {
                 spoiled.point(DVec3::splat(20.0 + n as f64));
@@ -189,11 +189,11 @@ mod tests {
 
     #[test]
     fn far_triangles_and_evenly_spread_points_count() {
-        let mut survey = Survey::new(None);
-        cube(&mut survey, 1000);
-        survey.triangle(&Triangle { corners: [DVec3::ZERO, DVec3::splat(10.0), DVec3::X] });
-        assert!((edge(survey) - 0.1).abs() < 0.001);
-        let mut line = Survey::new(None);
+        let mut extent = Extent::new(None);
+        cube(&mut extent, 1000);
+        extent.triangle(&Triangle { corners: [DVec3::ZERO, DVec3::splat(10.0), DVec3::X] });
+        assert!((edge(extent) - 0.1).abs() < 0.001);
+        let mut line = Extent::new(None);
         (0..100).for_each(|n| line.point(DVec3::X * f64::from(n)));
         let lattice = line.lattice(&[]).unwrap();
         assert_eq!((lattice.origin, lattice.pitch.x), (DVec3::ZERO, 99.0 / 1024.0));
@@ -201,9 +201,9 @@ mod tests {
 
     #[test]
     fn points_in_one_place_name_their_file() {
-        let mut survey = Survey::new(None);
-        (0..9).for_each(|_| survey.point(DVec3::new(1.0, 2.0, 3.0)));
-        let error = survey.lattice(&["a.xyz".into()]).unwrap_err().to_string();
+        let mut extent = Extent::new(None);
+        (0..9).for_each(|_| extent.point(DVec3::new(1.0, 2.0, 3.0)));
+        let error = extent.lattice(&["a.xyz".into()]).unwrap_err().to_string();
         assert_eq!(
             error,
             "a.xyz: all geometry lies in one place, [1.0, 2.0, 3.0], so no cell size follows from it: set `voxel`"
