@@ -35,7 +35,7 @@ pub(super) struct Basics {
     pub(super) config: Option<PathBuf>,
     /// Set one key of the settings, as in lean.max_loss=0.05; repeatable
     ///
-    /// Overrides --preset and --config. The key is that of `train --print-config`, with dots between tables and with indices
+    /// Overrides --preset, --config and the schedule of --steps. The key is that of `train --print-config`, with dots between tables and with indices
     /// of lists, as in scales.0.top_k=2. The value is TOML; a single word needs no quotes.
     #[arg(long, value_name = "KEY=VALUE")]
     pub(super) set: Vec<String>,
@@ -105,9 +105,12 @@ impl Basics {
         Ok(photographs.load_options(folder, max_side, &mut ConsoleObserver::unstoppable(&session.console))?)
     }
 
-    /// The settings: `preset`, overridden by the file, overridden by single settings.
-    pub(super) fn configuration(&self, preset: Option<Preset>) -> Result<TrainConfig, Error> {
-        let config = configuration(preset, self.config.as_deref())?;
+    /// The settings: `preset`, overridden by the file, in so many `steps`, overridden by single settings.
+    pub(super) fn configuration(&self, preset: Option<Preset>, steps: Option<u64>) -> Result<TrainConfig, Error> {
+        let mut config = configuration(preset, self.config.as_deref())?;
+        if let Some(steps) = steps {
+            config = config.with_steps(steps);
+        }
         let mut config = with_assignments(config, &self.set)?;
         config.seed = self.seed.unwrap_or(config.seed);
         Ok(config)
@@ -117,11 +120,7 @@ impl Basics {
 impl Settings {
     /// The settings from all arguments.
     pub(super) fn configuration(&self) -> Result<TrainConfig, Error> {
-        let config = self.basics.configuration(self.preset)?;
-        Ok(match self.steps {
-            Some(steps) => config.with_steps(steps),
-            None => config,
-        })
+        self.basics.configuration(self.preset, self.steps)
     }
 }
 

@@ -39,8 +39,10 @@ pub fn read_binary(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut d
         input.go_to(input.offset() + track * SIGHTING_BYTES)?;
         let color = [bytes[32], bytes[33], bytes[34]];
         let position = DVec3::new(number(8), number(16), number(24));
-        if counts(options, track, number(35)) {
-            Point::pass(Point::new(position, Some(color), || format!("byte {}", place + 8)), visitor)?;
+        let error = number(35);
+        if counts(options, track, error) {
+            let point = Point::new(position, Some(color), || format!("byte {}", place + 8));
+            Point::pass_tracked(point, track, error, visitor)?;
         }
     }
     match input.left() {
@@ -86,7 +88,8 @@ pub fn read_text(input: &mut Input<'_>, options: &ReadOptions, visitor: &mut dyn
             return Err(Fault::malformed(place(), "pairs of an image and a keypoint", found));
         }
         if counts(options, sightings / 2, error) {
-            Point::pass(Point::new(DVec3::from_array(position), Some(color), place), visitor)?;
+            let point = Point::new(DVec3::from_array(position), Some(color), place);
+            Point::pass_tracked(point, sightings / 2, error, visitor)?;
         }
     }
     Ok(())

@@ -35,6 +35,19 @@ impl Point {
             Err(fault) => fault.pass(visitor),
         }
     }
+
+    /// Passes a tracked point to `visitor`, or the fault that a coordinate is not finite.
+    pub(super) fn pass_tracked(
+        point: Result<Self, Fault>,
+        images: u64,
+        error: f64,
+        visitor: &mut dyn Visitor,
+    ) -> Result<(), Fault> {
+        match point {
+            Ok(point) => visitor.tracked(point, images, error),
+            Err(fault) => fault.pass(visitor),
+        }
+    }
 }
 
 impl Fault {
@@ -68,6 +81,16 @@ pub trait Visitor {
     ///
     /// Any error ends the reading.
     fn point(&mut self, point: Point) -> Result<(), Fault>;
+
+    /// A point of structure from motion, that `images` photographs show, `error` pixels apart from where it is on average; a
+    /// negative error is not known. A visitor that does not override this receives it as a point.
+    ///
+    /// # Errors
+    ///
+    /// Any error ends the reading.
+    fn tracked(&mut self, point: Point, _images: u64, _error: f64) -> Result<(), Fault> {
+        self.point(point)
+    }
 
     /// A Gaussian splat: its center, and its three principal axes, each two standard deviations long. They are finite,
     /// and may be 0. A visitor that does not override this receives the center as a point.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use super::distances::{find_points, is_opaque};
+use super::exposure::decide_exposure;
 use super::location::{locate, locate_unbounded};
 use super::points::prior_of_points;
 use super::prior_files::{build_prior, check_sight};
@@ -79,6 +80,9 @@ impl Prior {
         let is_opaque = is_opaque(dataset);
         let finds = is_opaque && !bootstraps;
         let matched = if finds { find_points(config, dataset, observer)? } else { Vec::new() };
+        if finds {
+            decide_exposure(config, dataset, observer);
+        }
         let survey = locate(config, dataset, is_opaque, &matched, observer)?;
         if finds && let Some(points) = prior_of_points(config, dataset, survey, observer)? {
             return Ok(points);

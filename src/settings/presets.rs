@@ -189,7 +189,9 @@ impl TrainConfig {
     }
 
     /// This run in `steps` steps. The schedule is scaled along, but no occupancy is estimated before step 300, as
-    /// hardly any density has grown by then, and no march of the end begins before step 1000.
+    /// hardly any density has grown by then, and no march of the end begins before step 1000. In fewer steps, components may
+    /// cost less when they are given up ([`LeanConfig::max_loss`]), by the square root of the share of steps: less of it is
+    /// won back.
     pub fn with_steps(mut self, steps: u64) -> Self {
         let before = self.schedule.steps as f64;
         let scaled = |at: u64| (at as f64 * steps as f64 / before).round().max(1.0) as u64;
@@ -199,6 +201,9 @@ impl TrainConfig {
         schedule.occupancy_at.iter_mut().for_each(|at| *at = scaled(*at).max(EARLIEST_OCCUPANCY.min(*at)));
         schedule.occupancy_at.dedup();
         self.finish.from = self.finish.from.max(EARLIEST_FINISH as f64 / steps as f64).min(1.0);
+        // At a twentieth of the steps, a fifth of the limit is 0.35 dB better on held-out photographs of the fox, and 0.6 dB on
+        // those of a room (docs/experiments/2026-11-30-captures.md).
+        self.lean.max_loss *= (steps as f64 / before).min(1.0).sqrt();
         self
     }
 }
@@ -279,7 +284,6 @@ fn best() -> TrainConfig {
     preset.sampling.color_roulette = 0.002;
     preset.sampling.batch_rays = BEST_BATCH;
     (preset.optimizer.learning_rate_decay, preset.optimizer.cooldown) = (BEST_DECAY, BEST_COOLDOWN);
-    preset.lean.max_loss = BEST_MAX_LOSS;
     preset.optimizer.factor_decay = BEST_FACTOR_DECAY;
     // The first two scales have cells about as wide as a pixel of photographs of 800×800, which is best: 0.5 dB more
     // than the paper's, which are 1.4 pixels wide (docs/experiments/2026-11-26-tight-occupancy.md). Training gives up a
@@ -289,7 +293,9 @@ fn best() -> TrainConfig {
         scale.resolutions = cells.map(|d| [d; 3]).to_vec();
     }
     preset.model.step = FINE_STEP_CELLS;
-    preset.with_steps(BEST_STEPS)
+    preset = preset.with_steps(BEST_STEPS);
+    preset.lean.max_loss = BEST_MAX_LOSS;
+    preset
 }
 
 /// The best quality for small photographs, whose pixels are as large as the tensors' cells, in the steps of about a minute.

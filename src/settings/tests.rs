@@ -80,6 +80,8 @@ fn scaling_the_steps_scales_the_schedule() {
     assert_eq!(config.finish.from, 1000.0 / 3000.0);
     let short = TrainConfig::preset("scannet").unwrap().with_steps(1000);
     assert_eq!((short.schedule.occupancy_at, short.finish.from), (vec![300, 533, 800], 1.0));
+    assert!((config.lean.max_loss - 0.06 * 0.1_f64.sqrt()).abs() < 1e-12, "{}", config.lean.max_loss);
+    assert_eq!(TrainConfig::preset("24").unwrap().with_steps(60_000).lean.max_loss, 0.06);
 }
 
 #[test]

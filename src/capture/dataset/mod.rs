@@ -149,6 +149,30 @@ pub fn are_opaque(views: &[Photograph]) -> bool {
     transparent as f64 <= TRANSPARENT * all as f64
 }
 
+/// The color differences, from 0 to 1, within which a background is of one color, and the share of the pixels along the
+/// photographs' borders that must have it.
+const ONE_COLOR: f32 = 0.06;
+const PLAIN: f64 = 0.8;
+
+/// True if the pixels along the borders of nearly all `views` have one color: that of a backdrop.
+pub fn has_plain_background(views: &[Photograph]) -> bool {
+    let of_view = |view: &Photograph| -> Vec<[f32; 3]> {
+        let Camera { width, height, .. } = view.camera;
+        let sides = (0..height).flat_map(|row| [row * width, row * width + width - 1]);
+        let ends = (0..width).flat_map(|column| [column, (height - 1) * width + column]);
+        sides.chain(ends).map(|pixel| view.pixels.color(pixel as usize, [1.0; 3])).collect()
+    };
+    let colors: Vec<[f32; 3]> = views.par_iter().flat_map_iter(of_view).collect();
+    let median = |channel: usize| {
+        let mut values: Vec<f32> = colors.iter().map(|color| color[channel]).collect();
+        values.sort_by(f32::total_cmp);
+        values.get(values.len() / 2).copied().unwrap_or(0.0)
+    };
+    let middle = [0, 1, 2].map(median);
+    let is_near = |color: &&[f32; 3]| color.iter().zip(middle).all(|(c, middle)| (c - middle).abs() < ONE_COLOR);
+    colors.iter().filter(is_near).count() as f64 >= PLAIN * colors.len() as f64
+}
+
 /// A camera without its photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedCamera {

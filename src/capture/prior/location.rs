@@ -50,6 +50,13 @@ pub fn shown(views: &[Photograph]) -> Vec<DVec3> {
     views.par_iter().filter(|view| !view.distances.is_empty()).flat_map_iter(of_view).collect()
 }
 
+/// The share of pixels with a known distance, in those of `views` that have any; 0 without any.
+pub fn known_share(views: &[Photograph]) -> f64 {
+    let distances = || views.par_iter().flat_map_iter(|view| &view.distances);
+    let known = distances().filter(|distance| **distance > 0.0).count();
+    known as f64 / distances().count().max(1) as f64
+}
+
 /// The cells that hold `points`, about as many along the edges of their box as the coarse reconstruction has; `None` if
 /// they have no extent.
 pub fn cells_around(points: &[DVec3]) -> Option<VoxelBoxes> {

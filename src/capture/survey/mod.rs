@@ -5,13 +5,21 @@
 //! scene and the prior follow, and a [`Remark`] on each part of the evidence that contradicts the rest. Everything goes by
 //! medians and quantiles: no single point, camera or pixel decides.
 
+mod footprint;
+mod kind;
+mod telling;
+
+pub use kind::{Classified, Kind};
+pub use telling::Given;
+
+use std::borrow::Cow;
 use std::path::Path;
 
 use glam::DVec3;
 
 use crate::prior::{
     BuildError, CameraBounds, CameraStatistics, SPARSE_OUTLIERS, VoxelBoxes, cells_around, central_box, points_in,
-    ray_range, ray_range_of_surroundings,
+    ray_range, ray_range_of_surroundings, tracked_places,
 };
 use strivec_format::digits::plural;
 use strivec_format::geometry::{Aabb, Camera};
@@ -26,6 +34,8 @@ const SHOWN: f64 = 0.98;
 const SHOWN_MARGIN: f64 = 0.25;
 /// How many times longer than the inner box the box of what photographs show is in an unbounded scene.
 const WIDE: f64 = 3.0;
+/// The share of the photographs' pixels with a known distance below which what the others show may be anywhere.
+const ENOUGH_KNOWN: f64 = 0.5;
 /// The margin around the points' box, as a share of its size: surfaces without texture have no points.
 const POINTS_MARGIN: f64 = 0.1;
 /// The central shares, along each axis, of what photographs show and of the cameras that an inner box holds.
@@ -45,23 +55,38 @@ pub struct Evidence<'a> {
     pub range: Option<[f64; 2]>,
     /// Places that photographs show at known distances ([`prior::shown`](crate::prior::shown)).
     pub shown: &'a [DVec3],
+    /// The share of the photographs' pixels with a known distance ([`prior::known_share`](crate::prior::known_share)).
+    pub known_share: f64,
     /// Points that were matched between the photographs, some at distances that these do not resolve.
     pub matched: &'a [DVec3],
     /// Nothing shows through the photographs: they have a background.
     pub is_opaque: bool,
+    /// The background is of one color ([`dataset::has_plain_background`](crate::dataset::has_plain_background)).
+    pub is_plain: bool,
 }
 
 /// Where a scene is, in the dataset's space.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Survey {
+    /// How the cameras stand to the scene.
+    pub kind: Classified,
+    /// What tells where the scene is.
+    pub basis: Basis,
     /// The distances at which rays begin and end.
     pub near_far: [f64; 2],
     /// The scene's box; `None` if only the cameras bound it.
     pub bounds: Option<Aabb>,
     /// The inner box of the scene if it is unbounded.
     pub inner_box: Aabb,
-    /// Much of what photographs show is so far away that the scene is better unbounded.
+    /// Much of what photographs show is so far away, or at so unknown a distance, that the scene is better unbounded.
     pub is_wide: bool,
+    /// The share of the photographs' pixels whose distance is known; `None` if hardly any is.
+    pub known_share: Option<f64>,
+    /// How many times longer than the inner box the box of nearly all that photographs show is; `None` if it is not known.
+    pub width: Option<f64>,
+    /// The width of a pixel at what photographs show, in the dataset's units: of the tenth of it that is nearest, of half of
+    /// it, of nine tenths; `None` if it is not known.
+    pub footprints: Option<[f64; 3]>,
     /// The cells that hold the dataset's points, without outliers.
     pub points: Option<VoxelBoxes>,
     /// The cells that hold all of them.
@@ -73,14 +98,55 @@ pub struct Survey {
     pub remarks: Vec<Remark>,
 }
 
+impl Survey {
+    /// Puts the names of photographs into the remarks: `of` has that of the camera of a number.
+    pub fn name_cameras<'a>(&mut self, of: impl Fn(usize) -> &'a str) {
+        for remark in &mut self.remarks {
+            if let Remark::OddCameras { numbers, name, .. } = remark {
+                *name = Some(of(numbers[0]).into());
+            }
+        }
+    }
+}
+
+/// The part of the evidence by which a scene has its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Basis {
+    /// Distances of the photographs' pixels, by matching or by depth maps.
+    Distances,
+    /// The dataset's points.
+    Points,
+    /// A range or a box in the dataset's files.
+    Files,
+    /// The cameras alone.
+    Cameras,
+}
+
+impl Basis {
+    /// The part in a word.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Distances => "distances",
+            Self::Points => "points",
+            Self::Files => "files",
+            Self::Cameras => "cameras",
+        }
+    }
+}
+
 /// A part of the evidence that contradicts the rest.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Remark {
     /// Cameras that are far from all others; they are trained on, but do not count for where the scene is.
-    #[error("camera {} stands {times:.0} times as far from the others as these from each other{}", numbers[0], others(numbers))]
+    #[error(
+        "camera {}{} stands {times:.0} times as far from the others as these from each other{}", numbers[0], in_brackets(name),
+        others(numbers)
+    )]
     OddCameras {
         /// Their numbers, from 0.
         numbers: Vec<usize>,
+        /// The photograph of the first, if it is known.
+        name: Option<String>,
         /// How many times the first is farther from the middle than half of them.
         times: f64,
     },
@@ -124,6 +190,10 @@ pub enum SurveyError {
     },
 }
 
+fn in_brackets(name: &Option<String>) -> String {
+    name.as_ref().map_or_else(String::new, |name| format!(" ({name})"))
+}
+
 fn others(numbers: &[usize]) -> String {
     match numbers.len() - 1 {
         0 => String::new(),
@@ -145,7 +215,8 @@ pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
     }
     let numbers: Vec<usize> = (0..cameras.len()).filter(|&n| statistics.odd[n]).collect();
     let first = numbers.first().map(|&n| statistics.times(cameras, n));
-    let mut remarks: Vec<Remark> = first.map(|times| Remark::OddCameras { numbers, times }).into_iter().collect();
+    let mut remarks: Vec<Remark> =
+        first.map(|times| Remark::OddCameras { numbers, name: None, times }).into_iter().collect();
     let usual: Vec<Camera> = statistics.usual(cameras).copied().collect();
     let places = evidence.shown;
     let shown = (places.len() >= ENOUGH_SHOWN).then(|| central_box(places, SHOWN)).filter(Aabb::is_solid);
@@ -165,12 +236,22 @@ pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
         true => ray_range_of_surroundings(&usual, bounds.as_ref()),
         false => ray_range(&usual, None),
     };
-    let inner_box = inner_box(&statistics, cameras, places);
-    let is_wide = shown.is_some_and(|shown| shown.size().max_element() > WIDE * inner_box.size().max_element());
+    // Without distances, the dataset's points are what photographs show.
+    let places: Cow<'_, [DVec3]> = match (&shown, evidence.points.filter(|_| points.is_some())) {
+        (None, Some(file)) => tracked_places(file)?.into(),
+        _ => places.into(),
+    };
+    let inner_box = inner_box(&statistics, cameras, &places);
+    let all_shown = (places.len() >= ENOUGH_SHOWN).then(|| central_box(&places, SHOWN)).filter(Aabb::is_solid);
+    let width = all_shown.map(|shown| shown.size().max_element() / inner_box.size().max_element());
+    let known_share = shown.map(|_| evidence.known_share);
+    let is_hardly_known = known_share.is_some_and(|share| share < ENOUGH_KNOWN);
+    let is_wide = is_opaque && (width.is_some_and(|times| times > WIDE) || is_hardly_known);
     let surfaces = shown.map_or_else(Vec::new, |shown| {
         let within = shown.grown(SHOWN_MARGIN * shown.size());
         let centers = points.iter().flat_map(VoxelBoxes::boxes).map(|cell| cell.center());
-        places
+        evidence
+            .shown
             .iter()
             .chain(evidence.matched)
             .copied()
@@ -179,17 +260,32 @@ pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
             .collect()
     });
     let surface_cells = cells_around(&surfaces);
-    let near_far = match (surface_cells.as_ref().or(points.as_ref()), evidence.range) {
-        (Some(cells), _) => ray_range(&usual, Some(cells)),
-        (None, Some(range)) => range,
-        (None, None) => by_cameras(),
+    let (near_far, basis) = match (&surface_cells, &points, evidence.range) {
+        (Some(cells), ..) => (ray_range(&usual, Some(cells)), Basis::Distances),
+        (None, Some(cells), _) => (ray_range(&usual, Some(cells)), Basis::Points),
+        (None, None, Some(range)) => (range, Basis::Files),
+        (None, None, None) => (by_cameras(), if is_opaque && bounds.is_some() { Basis::Files } else { Basis::Cameras }),
     };
     let around = |cells: &VoxelBoxes| {
         let bounds = cells.bounds();
         bounds.grown(POINTS_MARGIN * bounds.size())
     };
     let known = [points.as_ref().map(around), shown].into_iter().flatten().reduce(|a, b| a.union(&b));
-    Ok(Survey { near_far, bounds: bounds.or(known), inner_box, is_wide, points, all_points, surfaces, remarks })
+    Ok(Survey {
+        kind: Classified::of(&usual, is_opaque, evidence.is_plain, is_wide),
+        basis,
+        near_far,
+        bounds: bounds.or(known),
+        inner_box,
+        is_wide,
+        known_share,
+        width,
+        footprints: footprint::footprints(&usual, &places),
+        points,
+        all_points,
+        surfaces,
+        remarks,
+    })
 }
 
 /// The cells of the dataset's points without outliers and of all of them, unless no camera sees them, or photographs show the
@@ -253,6 +349,10 @@ mod tests {
             .collect()
     }
 
+    fn opaque(cameras: &[Camera]) -> Evidence<'_> {
+        Evidence { cameras, is_opaque: true, ..Evidence::default() }
+    }
+
     /// A file of a grid of `edge`³ points, 0.8 wide, around `middle`.
     fn points_file(folder: &tempfile::TempDir, edge: u32, middle: DVec3) -> PathBuf {
         let file = folder.path().join("points.xyz");
@@ -305,8 +405,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (cameras, places) = (cameras(), places(2000, 1.0));
         let shown = |points, bounds| {
-            let evidence =
-                Evidence { cameras: &cameras, points, bounds, shown: &places, is_opaque: true, ..Evidence::default() };
+            let evidence = Evidence { points, bounds, shown: &places, known_share: 0.8, ..opaque(&cameras) };
             survey(&evidence).unwrap()
         };
         let clean = shown(None, None);
@@ -372,7 +471,7 @@ mod tests {
         let cameras = cameras();
         let of = |far: usize| {
             let shown: Vec<DVec3> = places(2000, 1.0).into_iter().chain(places(far, 60.0)).collect();
-            survey(&Evidence { cameras: &cameras, shown: &shown, is_opaque: true, ..Evidence::default() }).unwrap()
+            survey(&Evidence { shown: &shown, known_share: 0.8, ..opaque(&cameras) }).unwrap()
         };
         let (few, much) = (of(15), of(600));
         assert!(!few.is_wide && much.is_wide);
@@ -380,5 +479,8 @@ mod tests {
         assert_eq!(few.surfaces.len(), 2000, "those far outside are not in the prior");
         assert!(much.inner_box.size().max_element() < 9.0, "{:?}", much.inner_box);
         assert_eq!(much.surfaces.len(), 2600);
+        let shown = places(2000, 1.0);
+        let hardly = Evidence { shown: &shown, known_share: 0.2, ..opaque(&cameras) };
+        assert!(survey(&hardly).unwrap().is_wide, "most pixels may show anything");
     }
 }

@@ -8,16 +8,25 @@ use serde::Serialize;
 
 use super::picture::FloorPlan;
 use super::{Context, DatasetOptions, Error};
+use crate::observer::ConsoleObserver;
 use crate::table::{plural, short};
 use crate::write_atomically;
 use strivec_capture::dataset;
-use strivec_capture::dataset::{CameraGroup, Description, InventoryEntry, LoadOptions, NamedCamera, Standing};
+use strivec_capture::dataset::{
+    CameraGroup, Description, InventoryEntry, LoadOptions, NamedCamera, Photograph, Standing,
+};
 use strivec_capture::prior;
 use strivec_capture::prior::{CameraBounds, VoxelBoxes};
-use strivec_capture::survey::{Evidence, Remark, survey};
+use strivec_capture::survey::{Evidence, Given, Remark, Survey, survey};
 use strivec_format::escape::escaped_path;
 use strivec_format::geometry::Camera;
 use strivec_measure::color_png;
+use strivec_recipe as recipe;
+use strivec_recipe::Photographs;
+use strivec_train::TrainConfig;
+
+/// Photographs whose pixels are looked at without matching.
+const SAMPLES: usize = 8;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -34,6 +43,9 @@ pub(super) struct Args {
     /// Picture of the cameras, their rays, the points and the box to write, from above and from the side
     #[arg(long, value_name = "PNG")]
     picture: Option<PathBuf>,
+    /// Match photographs, as training does: where the scene is by what they show, not by the dataset's points and cameras
+    #[arg(long = "match")]
+    matches: bool,
     #[command(flatten)]
     options: DatasetOptions,
 }
@@ -59,13 +71,45 @@ struct Info<'a> {
     focus_distances: [f64; 3],
     /// The distances at which rays begin and end.
     near_far: [f64; 2],
+    /// Of what kind the capture is, and where.
+    survey: SurveyFacts,
     /// What of the folder is used, what is not, and what is named but not there.
     inventory: Vec<InventoryRow<'a>>,
     #[serde(skip)]
     groups: Vec<CameraGroup>,
-    /// The inventory's lines for people, with their labels.
+    /// The lines for people of the inventory and of the survey, with their labels.
     #[serde(skip)]
     told: Vec<(&'static str, String)>,
+    #[serde(skip)]
+    lines: Vec<(&'static str, String)>,
+}
+
+#[derive(Serialize)]
+struct SurveyFacts {
+    kind: &'static str,
+    /// The share of the cameras that look at one point.
+    at_one_thing: f64,
+    /// What tells where the scene is: `distances`, `points`, `files` or `cameras`.
+    basis: &'static str,
+    unbounded: bool,
+    inner_box: [[f64; 3]; 2],
+    /// The width of a pixel at the nearest tenth, the half and nine tenths of what photographs show.
+    footprints: Option<[f64; 3]>,
+    doubtful: Vec<String>,
+}
+
+impl SurveyFacts {
+    fn of(survey: &Survey) -> Self {
+        Self {
+            kind: survey.kind.kind.name(),
+            at_one_thing: survey.kind.at_one_thing,
+            basis: survey.basis.name(),
+            unbounded: survey.is_wide,
+            inner_box: [survey.inner_box.min, survey.inner_box.max].map(|corner| corner.to_array()),
+            footprints: survey.footprints,
+            doubtful: survey.remarks.iter().map(ToString::to_string).collect(),
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -115,18 +159,24 @@ impl<'a> InventoryRow<'a> {
 pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     let description = dataset::describe(&args.dataset, &args.options.load_options(1))?;
     let Description { name, layout, splits, masks, lost, missing, points, bounds, range, inventory } = &description;
-    let cameras: Vec<Camera> = splits.iter().flat_map(|(_, named)| named.iter().map(|n| n.camera)).collect();
-    let is_opaque = is_opaque(args);
-    let evidence = Evidence {
-        cameras: &cameras,
-        points: points.as_deref(),
-        bounds: *bounds,
-        range: *range,
-        shown: &[],
-        matched: &[],
-        is_opaque,
+    let named: Vec<&NamedCamera> = splits.iter().flat_map(|(_, named)| named).collect();
+    let cameras: Vec<Camera> = named.iter().map(|named| named.camera).collect();
+    let location = if args.matches {
+        matched(args, session)?
+    } else {
+        let samples = samples(args, named.len());
+        let mut found = survey(&Evidence {
+            cameras: &cameras,
+            points: points.as_deref(),
+            bounds: *bounds,
+            range: *range,
+            is_opaque: !samples.is_empty() && dataset::are_opaque(&samples),
+            is_plain: dataset::has_plain_background(&samples),
+            ..Evidence::default()
+        })?;
+        found.name_cameras(|n| &named[n].path);
+        found
     };
-    let location = survey(&evidence)?;
     let focus = CameraBounds::from_cameras(cameras.iter()).focus;
     let distances = cameras.iter().map(|camera| camera.position.distance(focus));
     let mean = distances.clone().sum::<f64>() / cameras.len() as f64;
@@ -142,11 +192,6 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     }
     let left_out = points.as_deref().and_then(|file| prior::points_left_out(&args.dataset, file));
     drop(inventory.entries.splice(..0, left_out));
-    for remark in location.remarks.iter().filter(|remark| !matches!(remark, Remark::Points { .. })) {
-        let entry =
-            InventoryEntry { standing: Standing::Doubtful, path: ".".into(), count: 1, what: remark.to_string() };
-        inventory.entries.push(entry);
-    }
     let info = Info {
         name,
         layout: layout.name(),
@@ -163,9 +208,11 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
         focus: focus.to_array(),
         focus_distances: [distances.clone().fold(f64::INFINITY, f64::min), mean, distances.fold(0.0, f64::max)],
         near_far: location.near_far,
+        survey: SurveyFacts::of(&location),
         inventory: inventory.entries.iter().map(InventoryRow::of).collect(),
         groups: dataset::group_cameras(&cameras),
         told: inventory.lines(),
+        lines: lines(location.clone()),
     };
     if let Some(path) = &args.picture {
         let points = location.points.iter().flat_map(VoxelBoxes::boxes).map(|cell| cell.center()).collect();
@@ -182,10 +229,26 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
     session.console.result(&info, text)
 }
 
-/// True if the first photograph has a background; false if it cannot be read.
-fn is_opaque(args: &Args) -> bool {
-    let first = LoadOptions { views: Some(0..1), ..args.options.load_options(1) };
-    dataset::load(&args.dataset, "train", &first).is_ok_and(|dataset| dataset::are_opaque(&dataset.views))
+/// The survey of the photographs that training begins with.
+fn matched(args: &Args, session: &Context) -> Result<Survey, Error> {
+    let interrupted = session.interrupts()?;
+    let mut observer = ConsoleObserver::new(&session.console, &interrupted);
+    let photographs = Photographs { options: args.options.load_options(1), downscale: None };
+    let options = photographs.load_options(&args.dataset, None, &mut observer)?;
+    let mut dataset = recipe::load(&args.dataset, &options, &mut observer)?;
+    Ok(recipe::survey_photographs(&TrainConfig::default(), &mut dataset, &mut observer)?)
+}
+
+/// A few of `count` photographs, evenly spread; none if they cannot be read.
+fn samples(args: &Args, count: usize) -> Vec<Photograph> {
+    let options = LoadOptions { every: count.div_ceil(SAMPLES).max(1), ..args.options.load_options(1) };
+    dataset::load(&args.dataset, "train", &options).map_or_else(|_| Vec::new(), |dataset| dataset.views)
+}
+
+/// What a survey says, in lines with labels; points that contradict the rest are in the inventory.
+fn lines(mut survey: Survey) -> Vec<(&'static str, String)> {
+    survey.remarks.retain(|remark| !matches!(remark, Remark::Points { .. }));
+    survey.lines(Given::default())
 }
 
 /// Cameras of the same size, lens and focal lengths are of one kind.
@@ -253,8 +316,6 @@ fn text(info: &Info<'_>) -> String {
     }
     let [least, mean, most] = info.focus_distances.map(short);
     lines.push(format!("focus         {}, {least} to {most} from the cameras, mean {mean}", three(&info.focus)));
-    let [near, far] = info.near_far.map(short);
-    lines.push(format!("rays          from {near} to {far}"));
-    lines.extend(info.told.iter().map(|(label, line)| format!("{label:<14}{line}")));
+    lines.extend(info.lines.iter().chain(&info.told).map(|(label, line)| format!("{label:<14}{line}")));
     lines.join("\n") + "\n"
 }

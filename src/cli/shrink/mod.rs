@@ -121,7 +121,7 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
         let psnr = trainer.psnr_of(&scene);
         (scene, psnr)
     };
-    let cells = Cells::new([before, &scene], &dataset.views, &args.basics.configuration(None)?)?;
+    let cells = Cells::new([before, &scene], &dataset.views, &args.basics.configuration(None, None)?)?;
     let bytes = args.write(&scene, &cells, &document.metadata, session)?;
     state.remove()?;
     let scales = before.scales.iter().zip(&scene.scales);
@@ -143,7 +143,7 @@ impl Args {
     fn tuning(&self, scene: &Scene) -> Result<Tuning, Error> {
         let of_file = scene.provenance.preset.parse().ok();
         let preset = self.preset.or(of_file.filter(|_| self.basics.config.is_none()));
-        let config = self.basics.configuration(preset)?;
+        let config = self.basics.configuration(preset, None)?;
         let steps = self.steps.unwrap_or(config.schedule.steps.div_ceil(SHARE));
         Ok(Tuning { steps, config })
     }

@@ -33,6 +33,8 @@ const HARMLESS: [&str; 15] = [
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// The beginning of the names of the extensions of splats.
 const SPLATTING: &str = "KHR_gaussian_splatting";
+/// The remedy for a file with another extension.
+const WITHOUT: &str = "export the file without it";
 
 /// The part that is parsed first: in other versions, the rest has other types.
 #[derive(Deserialize)]
@@ -107,25 +109,24 @@ impl Document {
         }
         for name in &preamble.extensions_required {
             if !HARMLESS.iter().any(|known| name.starts_with(known)) && !DECODED.contains(&name.as_str()) {
-                return Err(unsupported(name));
+                return Err(unsupported(name, WITHOUT));
             }
         }
         if preamble.extensions_used.iter().any(|name| name == INSTANCING) {
-            return Err(unsupported(INSTANCING));
+            return Err(unsupported(INSTANCING, WITHOUT));
         }
         // Without it, splats are bare points, transparent ones, too.
         let is_unknown = |name: &&String| name.starts_with(SPLATTING) && !DECODED.contains(&name.as_str());
         if let Some(name) = preamble.extensions_used.iter().find(is_unknown) {
-            let what = format!("the extension {}", excerpt(name.as_bytes()));
-            return Err(Fault::unsupported(what, "export the splats as PLY or SPZ"));
+            return Err(unsupported(name, "export the splats as PLY or SPZ"));
         }
         serde_json::from_slice(json).map_err(wrong)
     }
 }
 
 /// The error for the extension `name`.
-fn unsupported(name: &str) -> Fault {
-    Fault::unsupported(format!("the extension {}", excerpt(name.as_bytes())), "export the file without it")
+fn unsupported(name: &str, remedy: &'static str) -> Fault {
+    Fault::unsupported(format!("the extension {}", excerpt(name.as_bytes())), remedy)
 }
 
 /// Entry `index` of `list`; `what` names an entry in errors.

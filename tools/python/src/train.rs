@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use pyo3::prelude::*;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use strivec::container::Encoding;
 use strivec::dataset::LoadOptions;
 use strivec::escape::escaped;
@@ -28,6 +29,8 @@ struct Request {
     settings: TrainConfig,
     /// Replaces the settings' steps; the whole schedule scales with them.
     steps: Option<u64>,
+    /// Replaces single settings of that schedule.
+    overrides: Value,
     prior: Vec<PathBuf>,
     bootstrap: bool,
     prior_options: PriorOptions,
@@ -161,6 +164,16 @@ pub(crate) fn train(
     Ok(results.concat())
 }
 
+/// Replaces the values of `settings` that `overrides` has, table by table.
+fn merge(settings: &mut Value, overrides: Value) {
+    match (settings, overrides) {
+        (Value::Object(settings), Value::Object(overrides)) => {
+            overrides.into_iter().for_each(|(key, value)| merge(settings.entry(key).or_insert(Value::Null), value));
+        }
+        (settings, value) => *settings = value,
+    }
+}
+
 impl Request {
     /// The recipe for the scene file `output`.
     fn recipe(self, output: &std::path::Path) -> Result<Recipe, Failure> {
@@ -168,6 +181,10 @@ impl Request {
         if let Some(steps) = self.steps {
             config = config.with_steps(steps);
         }
+        let mut config = serde_json::to_value(config).map_err(|e| Failure::runtime(e.to_string()))?;
+        merge(&mut config, self.overrides);
+        let config: TrainConfig =
+            serde_json::from_value(config).map_err(|e| Failure::usage(format!("settings: {e}")))?;
         config.check().map_err(|e| Failure::usage(e.to_string()))?;
         let PriorOptions { voxel, thickness, min_points, close, dilate } = self.prior_options;
         let options = BuildOptions { voxel, thickness, min_points, close, dilate, ..BuildOptions::default() };

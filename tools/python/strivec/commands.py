@@ -151,7 +151,7 @@ def train(
     size, parameters, steps and seconds.
 
     `settings` are those of `settings()`; `preset` replaces their preset, scales and decoder. Every other name is a setting, or a table
-    of some, as in `seed=1, sampling={"batch_rays": 1024}`. `steps` scales the whole schedule.
+    of some, as in `seed=1, sampling={"batch_rays": 1024}`. `steps` scales the whole schedule of `settings`, not of these.
 
     prior: geometry files of the dataset's space. prior_options: voxel, thickness, min_points, close, dilate; `prior()` has more.
     bootstrap: find the scene with eight coarse tensors. auto: derive tensors from the photographs' detail. max_params, max_size: the
@@ -168,8 +168,9 @@ def train(
         settings = json.loads(_strivec.settings_of_toml(toml, preset))
     files = [prior] if isinstance(prior, (str, os.PathLike)) else prior
     request = {
-        "settings": _merged(settings, overrides),
+        "settings": settings,
         "steps": steps,
+        "overrides": overrides,
         "prior": [os.fspath(file) for file in files],
         "prior_options": dict(prior_options or {}),
         "bootstrap": bootstrap,
@@ -188,15 +189,6 @@ def train(
         "force": force,
     }
     return json.loads(_strivec.train(dataset, output, json.dumps(request), _listener(callback)))
-
-
-def _merged(settings: Mapping[str, Any], overrides: Mapping[str, Any]) -> Dict[str, Any]:
-    """`settings` with `overrides`, table by table."""
-    merged = dict(settings)
-    for key, value in overrides.items():
-        both = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
-        merged[key] = _merged(merged[key], value) if both else value
-    return merged
 
 
 def _bytes(size: Union[None, int, str]) -> Optional[int]:

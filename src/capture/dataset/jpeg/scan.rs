@@ -223,21 +223,8 @@ fn sequential(
     let mut block = [0_i16; 64];
     block[0] = mean(bits, component)? as i16;
     if let Some(table) = component.ac {
-        let mut at = 1;
-        while at < 64 {
-            let symbol = bits.symbol(table)?;
-            let (zeros, size) = (usize::from(symbol >> 4), symbol & 15);
-            if size == 0 {
-                if zeros < 15 {
-                    break;
-                }
-                at += 16;
-                continue;
-            }
-            at += zeros;
-            block[*ZIGZAG.get(at).ok_or(LONG_RUN)?] = bits.number(size)? as i16;
-            at += 1;
-        }
+        // A block ends with a run of this one block.
+        first_bits(bits, table, 1..64, 0, &mut 0, &mut block)?;
     }
     if let Some(quantization) = &plane.quantization {
         let samples = &mut plane.samples[place[1] * BLOCK * stride + place[0] * BLOCK..];

@@ -1,6 +1,7 @@
 //! A small gray picture of a photograph, and its patches.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
+use rayon::prelude::*;
 
 use super::plane::{Plane, direction};
 use crate::dataset::Photograph;
@@ -98,6 +99,14 @@ impl StereoShot {
         [self.camera.width, self.camera.height].map(|extent| extent as usize / STRIDE)
     }
 
+    /// The mean luminance of the pixels that are nearer to patch number `n` than to others; NaN if one is not known.
+    pub(super) fn mean_luminance(&self, n: usize) -> f32 {
+        let columns = self.patches()[0];
+        let first = n / columns * STRIDE * self.camera.width as usize + n % columns * STRIDE;
+        let row = |row: usize| self.luminance[first + row * self.camera.width as usize..][..STRIDE].iter().sum::<f32>();
+        (0..STRIDE).map(row).sum::<f32>() / (STRIDE * STRIDE) as f32
+    }
+
     /// The middle of patch number `n`: a picture point. The whole patch is in the picture.
     pub(super) fn middle(&self, n: usize) -> DVec2 {
         let columns = self.patches()[0];
@@ -121,18 +130,25 @@ impl StereoShot {
         map.iter().enumerate().filter_map(|(n, plane)| Some(self.place(n, (*plane)?.depth())))
     }
 
-    /// \[row\]\[column\] the distances along the rays of `camera`, whose picture this was made of, on the planes of the
-    /// patches in `map`; 0 if unknown or 1/depth is less than `least`.
-    pub(super) fn distances(&self, camera: &Camera, map: &PlaneMap, least: f64) -> Vec<f32> {
+    /// \[row\]\[column\] the distances along the rays through `pixels`, on the planes of the patches in `map`; 0 if unknown or
+    /// 1/depth is less than `least`.
+    pub(super) fn distances(&self, pixels: &[Vec2], map: &PlaneMap, least: f64) -> Vec<f32> {
         let columns = self.patches()[0];
-        let distance = |(x, y): (u32, u32)| {
-            let at = camera.ray(x, y).and_then(|ray| self.camera.project(ray.at(1.0)))?;
+        let distance = |at: DVec2| {
             let [column, row] = self.patch_at(at)?;
             let n = row * columns + column;
             let plane = map[n]?.moved(at - self.middle(n));
             (plane.inverse >= least).then(|| plane.depth() * direction(&self.camera, at).length())
         };
-        pixels_of(camera).map(|pixel| distance(pixel).unwrap_or(0.0) as f32).collect()
+        pixels.iter().map(|at| distance(at.as_dvec2()).unwrap_or(0.0) as f32).collect()
+    }
+
+    /// \[row\]\[column\] the pixels of `camera`, of whose photograph this was made: the picture points on their rays, NaN
+    /// without a ray.
+    pub(super) fn pixels(&self, camera: &Camera) -> Vec<Vec2> {
+        let point = move |x, y| camera.ray(x, y).and_then(|ray| self.camera.project(ray.at(1.0)));
+        let row = |y| (0..camera.width).map(move |x| point(x, y).map_or(Vec2::NAN, DVec2::as_vec2));
+        (0..camera.height).into_par_iter().flat_map_iter(row).collect()
     }
 
     /// The patch whose middle is nearest to the picture point `at`; `None` outside the picture.
