@@ -35,8 +35,8 @@ pub(super) struct Basics {
     pub(super) config: Option<PathBuf>,
     /// Set one key of the settings, as in lean.max_loss=0.05; repeatable
     ///
-    /// Overrides --preset, --config and the schedule of --steps. The key is that of `train --print-config`, with dots between tables and with indices
-    /// of lists, as in scales.0.top_k=2. The value is TOML; a single word needs no quotes.
+    /// Overrides --preset, --config and the schedule of --steps. The key is that of `train --print-config`, with dots between
+    /// tables and with indices of lists, as in scales.0.top_k=2. The value is TOML; a single word needs no quotes.
     #[arg(long, value_name = "KEY=VALUE")]
     pub(super) set: Vec<String>,
     /// Random seed [default: the configuration's, else 0]

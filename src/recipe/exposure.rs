@@ -1,4 +1,4 @@
-//! Whether photographs have exposures of their own, by surfaces that several of them show.
+//! The choice of exposures: photographs that show the same surfaces more or less bright each get a map of colors.
 
 use super::Observer;
 use strivec_capture::dataset::Dataset;

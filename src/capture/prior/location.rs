@@ -52,9 +52,9 @@ pub fn shown(views: &[Photograph]) -> Vec<DVec3> {
 
 /// The share of pixels with a known distance, in those of `views` that have any; 0 without any.
 pub fn known_share(views: &[Photograph]) -> f64 {
-    let distances = || views.par_iter().flat_map_iter(|view| &view.distances);
-    let known = distances().filter(|distance| **distance > 0.0).count();
-    known as f64 / distances().count().max(1) as f64
+    let all: usize = views.iter().map(|view| view.distances.len()).sum();
+    let known = views.par_iter().flat_map_iter(|view| &view.distances).filter(|distance| **distance > 0.0).count();
+    known as f64 / all.max(1) as f64
 }
 
 /// The cells that hold `points`, about as many along the edges of their box as the coarse reconstruction has; `None` if

@@ -70,7 +70,7 @@ pub struct Evidence<'a> {
 pub struct Survey {
     /// How the cameras stand to the scene.
     pub kind: Classified,
-    /// What tells where the scene is.
+    /// The evidence that the range of rays follows.
     pub basis: Basis,
     /// The distances at which rays begin and end.
     pub near_far: [f64; 2],
@@ -219,7 +219,9 @@ pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
         first.map(|times| Remark::OddCameras { numbers, name: None, times }).into_iter().collect();
     let usual: Vec<Camera> = statistics.usual(cameras).copied().collect();
     let places = evidence.shown;
-    let shown = (places.len() >= ENOUGH_SHOWN).then(|| central_box(places, SHOWN)).filter(Aabb::is_solid);
+    let box_of =
+        |places: &[DVec3]| (places.len() >= ENOUGH_SHOWN).then(|| central_box(places, SHOWN)).filter(Aabb::is_solid);
+    let shown = box_of(places);
     let [points, all_points] = points_of(evidence, &usual, shown.as_ref(), &mut remarks)?;
     let bounds = evidence.bounds.filter(|bounds| {
         let share = match (&shown, &points) {
@@ -242,8 +244,8 @@ pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
         _ => places.into(),
     };
     let inner_box = inner_box(&statistics, cameras, &places);
-    let all_shown = (places.len() >= ENOUGH_SHOWN).then(|| central_box(&places, SHOWN)).filter(Aabb::is_solid);
-    let width = all_shown.map(|shown| shown.size().max_element() / inner_box.size().max_element());
+    let width =
+        shown.or_else(|| box_of(&places)).map(|shown| shown.size().max_element() / inner_box.size().max_element());
     let known_share = shown.map(|_| evidence.known_share);
     let is_hardly_known = known_share.is_some_and(|share| share < ENOUGH_KNOWN);
     let is_wide = is_opaque && (width.is_some_and(|times| times > WIDE) || is_hardly_known);

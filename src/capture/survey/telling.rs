@@ -10,9 +10,9 @@ use super::{Basis, ENOUGH_KNOWN, Survey, WIDE};
 /// The parts of a survey that settings have said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Given {
-    /// The range of rays.
+    /// True if settings have the range of rays.
     pub near_far: bool,
-    /// Whether the scene is unbounded.
+    /// True if settings make the scene bounded or unbounded.
     pub unbounded: bool,
 }
 

@@ -71,15 +71,13 @@ struct Info<'a> {
     focus_distances: [f64; 3],
     /// The distances at which rays begin and end.
     near_far: [f64; 2],
-    /// Of what kind the capture is, and where.
+    /// The survey: the kind of the capture, and its place.
     survey: SurveyFacts,
     /// What of the folder is used, what is not, and what is named but not there.
     inventory: Vec<InventoryRow<'a>>,
     #[serde(skip)]
     groups: Vec<CameraGroup>,
-    /// The lines for people of the inventory and of the survey, with their labels.
-    #[serde(skip)]
-    told: Vec<(&'static str, String)>,
+    /// The lines of the survey and of the inventory, with their labels.
     #[serde(skip)]
     lines: Vec<(&'static str, String)>,
 }
@@ -89,7 +87,7 @@ struct SurveyFacts {
     kind: &'static str,
     /// The share of the cameras that look at one point.
     at_one_thing: f64,
-    /// What tells where the scene is: `distances`, `points`, `files` or `cameras`.
+    /// The evidence that the range of rays follows: `distances`, `points`, `files` or `cameras`.
     basis: &'static str,
     unbounded: bool,
     inner_box: [[f64; 3]; 2],
@@ -211,8 +209,7 @@ pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
         survey: SurveyFacts::of(&location),
         inventory: inventory.entries.iter().map(InventoryRow::of).collect(),
         groups: dataset::group_cameras(&cameras),
-        told: inventory.lines(),
-        lines: lines(location.clone()),
+        lines: [lines(location.clone()), inventory.lines()].concat(),
     };
     if let Some(path) = &args.picture {
         let points = location.points.iter().flat_map(VoxelBoxes::boxes).map(|cell| cell.center()).collect();
@@ -245,7 +242,7 @@ fn samples(args: &Args, count: usize) -> Vec<Photograph> {
     dataset::load(&args.dataset, "train", &options).map_or_else(|_| Vec::new(), |dataset| dataset.views)
 }
 
-/// What a survey says, in lines with labels; points that contradict the rest are in the inventory.
+/// The lines of a survey with their labels, without a remark on points, which the inventory has.
 fn lines(mut survey: Survey) -> Vec<(&'static str, String)> {
     survey.remarks.retain(|remark| !matches!(remark, Remark::Points { .. }));
     survey.lines(Given::default())
@@ -316,6 +313,6 @@ fn text(info: &Info<'_>) -> String {
     }
     let [least, mean, most] = info.focus_distances.map(short);
     lines.push(format!("focus         {}, {least} to {most} from the cameras, mean {mean}", three(&info.focus)));
-    lines.extend(info.lines.iter().chain(&info.told).map(|(label, line)| format!("{label:<14}{line}")));
+    lines.extend(info.lines.iter().map(|(label, line)| format!("{label:<14}{line}")));
     lines.join("\n") + "\n"
 }

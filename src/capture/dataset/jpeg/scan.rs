@@ -223,8 +223,7 @@ fn sequential(
     let mut block = [0_i16; 64];
     block[0] = mean(bits, component)? as i16;
     if let Some(table) = component.ac {
-        // A block ends with a run of this one block.
-        first_bits(bits, table, 1..64, 0, &mut 0, &mut block)?;
+        coefficients(bits, table, 1..64, 0, &mut block)?;
     }
     if let Some(quantization) = &plane.quantization {
         let samples = &mut plane.samples[place[1] * BLOCK * stride + place[0] * BLOCK..];
@@ -277,6 +276,21 @@ fn first_bits(
         *end_run -= 1;
         return Ok(());
     }
+    if let Some(size) = coefficients(bits, table, range, low, block)? {
+        *end_run = run_of(bits, size)? - 1;
+    }
+    Ok(())
+}
+
+/// Decodes the coefficients `range` up to the last that is not zero (standard, F.2.2.2 and G.1.2.2). Returns the size of the number
+/// with which those after it end, if the block has such an end.
+fn coefficients(
+    bits: &mut Bits<'_>,
+    table: &Huffman,
+    range: std::ops::Range<usize>,
+    low: u8,
+    block: &mut [i16; 64],
+) -> Result<Option<usize>, JpegError> {
     let mut at = range.start;
     while at < range.end {
         let symbol = bits.symbol(table)?;
@@ -289,11 +303,10 @@ fn first_bits(
         } else if zeros == 15 {
             at += 16;
         } else {
-            *end_run = run_of(bits, zeros)? - 1;
-            break;
+            return Ok(Some(zeros));
         }
     }
-    Ok(())
+    Ok(None)
 }
 
 /// Decodes one more bit of the coefficients `range` (standard, G.1.2.3).

@@ -5,14 +5,14 @@
 //! such a plane, it spreads over unmatched ones up to the edges in the picture, as one of several possibilities (as in the
 //! piecewise planar stereo of Gallup, Frahm and Pollefeys, CVPR 2010). Others decide between them.
 
-use std::cmp::Reverse;
+use std::cmp::{Ordering, Reverse};
 use std::collections::BinaryHeap;
 
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::MIN_AGREEING;
-use super::plane::Plane;
+use super::plane::{Plane, direction};
 use super::search::DepthSearch;
 use super::seen::Seen;
 use super::shot::{PlaneMap, StereoShot};
@@ -46,7 +46,7 @@ const REACH: f32 = 80.0;
 const LEAST_PATCHES: usize = 24;
 /// The difference, in stops of encoded luminance, within which two photographs of one exposure show the same surface.
 const AS_BRIGHT: f32 = 0.25;
-/// The difference between the numbers of photographs that speak for two planes that decides nothing.
+/// The difference between the leads of two planes that decides nothing.
 const NEARLY_AS_MUCH: i32 = 3;
 /// How many times nearer or farther than all that a photograph matches a flat surface may be in it.
 const BEYOND: f64 = 1.5;
@@ -91,8 +91,7 @@ impl Flat {
         let axes = shot.camera.world_from_camera * DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
         let normal = axes.transpose() * self.normal / (self.offset - self.normal.dot(shot.camera.position));
         let [fx, fy] = shot.camera.focal;
-        let at = (middle - DVec2::from(shot.camera.principal)) / DVec2::new(fx, fy);
-        Plane { inverse: normal.dot(at.extend(1.0)), slope: DVec2::new(normal.x / fx, normal.y / fy) }
+        Plane { inverse: normal.dot(direction(&shot.camera, middle)), slope: DVec2::new(normal.x / fx, normal.y / fy) }
     }
 }
 
@@ -121,7 +120,7 @@ impl Point {
         // 1/depth is normal · (x, y, 1) along the axes of the picture, which are those of `Flat::seen`.
         let [fx, fy] = shot.camera.focal;
         let (x, y) = (plane.slope.x * fx, plane.slope.y * fy);
-        let across = (at - DVec2::from(shot.camera.principal)) / DVec2::new(fx, fy);
+        let across = direction(&shot.camera, at).truncate();
         let normal = DVec3::new(x, y, plane.inverse - across.dot(DVec2::new(x, y)));
         let normal = (shot.camera.world_from_camera * (DVec3::new(1.0, -1.0, -1.0) * normal)).normalize_or_zero();
         Self { place, normal, at, distance: place.distance(shot.camera.position), shot: number }
@@ -130,9 +129,16 @@ impl Point {
 
 /// \[search\] its planes in `maps`, and flat surfaces that continue them. A patch is on the one of which \[search\] those that it is
 /// `compared` with tell most: that they may have it there, too, and show it as bright. None may see through it.
-pub(super) fn completed(searches: &[DepthSearch<'_>], maps: &[PlaneMap], compared: &[Vec<usize>]) -> Vec<PlaneMap> {
+pub(super) fn completed(searches: &[DepthSearch<'_>], maps: Vec<PlaneMap>, compared: &[Vec<usize>]) -> Vec<PlaneMap> {
     let shots: Vec<&StereoShot> = searches.iter().map(|search| search.shot).collect();
-    let (flats, possible) = flat_surfaces(&shots, maps);
+    let flats = planes(&shots, &maps);
+    if flats.is_empty() {
+        return maps;
+    }
+    let of_shot = |shot: &&StereoShot| (0..shot.patches().iter().product()).map(|n| shot.mean_luminance(n)).collect();
+    let luminance: Vec<Vec<f32>> = shots.par_iter().map(of_shot).collect();
+    let possible: Vec<Vec<Possible>> =
+        (0..shots.len()).into_par_iter().map(|n| possible(shots[n], &maps[n], &luminance[n], &flats)).collect();
     let of_search = |n: usize| -> PlaneMap {
         let (shot, tolerance) = (shots[n], searches[n].tolerance());
         let matched: Vec<f64> = maps[n].iter().flatten().map(|plane| plane.inverse).collect();
@@ -142,7 +148,7 @@ pub(super) fn completed(searches: &[DepthSearch<'_>], maps: &[PlaneMap], compare
         let brighter = |&m: &usize| {
             let of_patch = |(patch, plane): (usize, &Option<Plane>)| {
                 let seen = Seen::of(shot.place(patch, (*plane)?.depth()), shots[m])?;
-                seen.is_on(&maps[m], tolerance).then(|| seen.luminance() / shot.mean_luminance(patch))
+                seen.is_on(&maps[m], tolerance).then(|| luminance[m][seen.number()] / luminance[n][patch])
             };
             median(maps[n].iter().enumerate().filter_map(of_patch).filter(|ratio| ratio.is_finite()).collect())
         };
@@ -151,17 +157,17 @@ pub(super) fn completed(searches: &[DepthSearch<'_>], maps: &[PlaneMap], compare
         let lead = |patch: usize, flat: usize| -> Option<i32> {
             let plane =
                 Some(flats[flat].seen(shot, shot.middle(patch))).filter(|plane| range.contains(&plane.inverse))?;
-            let (place, luminance) = (shot.place(patch, plane.depth()), shot.mean_luminance(patch));
+            let place = shot.place(patch, plane.depth());
             let [mut agreeing, mut others] = [0; 2];
             for (&m, brighter) in compared[n].iter().zip(&brighter) {
                 let Some(seen) = Seen::of(place, shots[m]) else { continue };
-                if seen.is_behind(&maps[m], tolerance) {
-                    return None;
+                match seen.depth_order(&maps[m], tolerance) {
+                    Ordering::Greater => return None,
+                    Ordering::Less => continue,
+                    Ordering::Equal => {}
                 }
-                if seen.is_hidden(&maps[m], tolerance) {
-                    continue;
-                }
-                let is_as_bright = (seen.luminance() / (luminance * brighter)).log2().abs() < AS_BRIGHT;
+                let ratio = luminance[m][seen.number()] / (luminance[n][patch] * brighter);
+                let is_as_bright = ratio.log2().abs() < AS_BRIGHT;
                 let may_be = seen.is_on(&maps[m], tolerance) || possible[m][seen.number()] >> flat & 1 == 1;
                 match (is_as_bright, may_be) {
                     (true, true) => agreeing += 1,
@@ -171,7 +177,7 @@ pub(super) fn completed(searches: &[DepthSearch<'_>], maps: &[PlaneMap], compare
             }
             (agreeing >= MIN_AGREEING as i32 && agreeing > others).then_some(agreeing - others)
         };
-        // Of planes for which nearly as much speaks, the first, which holds the most points.
+        // Of the planes with nearly the largest lead, the first one holds the most points.
         let flat = |patch: usize| {
             let leads: Vec<Option<i32>> = (0..flats.len()).map(|flat| lead(patch, flat)).collect();
             let most = leads.iter().flatten().max()?;
@@ -192,20 +198,13 @@ fn median(mut values: Vec<f32>) -> Option<f32> {
     values.get(values.len() / 2).copied()
 }
 
-/// The planes of flat surfaces in `shots`, whose matched patches are in `maps`, and \[shot\]\[patch\] those on which an unmatched
-/// patch may be.
-fn flat_surfaces(shots: &[&StereoShot], maps: &[PlaneMap]) -> (Vec<Flat>, Vec<Vec<Possible>>) {
-    let planes = planes(shots, maps);
-    let of_shot = |(shot, map): (&&StereoShot, &PlaneMap)| {
-        let luminance: Vec<f32> = (0..map.len()).map(|n| shot.mean_luminance(n)).collect();
-        let mut possible = vec![0; map.len()];
-        for (bit, plane) in planes.iter().enumerate() {
-            spread(shot, map, &luminance, plane, |patch| possible[patch] |= 1 << bit);
-        }
-        possible
-    };
-    let possible = shots.par_iter().zip(maps).map(of_shot).collect();
-    (planes, possible)
+/// \[patch\] those of `planes` on which an unmatched patch of `shot` may be: those that reach it from matched ones in `map`.
+fn possible(shot: &StereoShot, map: &PlaneMap, luminance: &[f32], planes: &[Flat]) -> Vec<Possible> {
+    let mut possible = vec![0; map.len()];
+    for (bit, plane) in planes.iter().enumerate() {
+        spread(shot, map, luminance, plane, |patch| possible[patch] |= 1 << bit);
+    }
+    possible
 }
 
 /// The planes that hold many points at the borders of what is matched.

@@ -98,7 +98,7 @@ pub(super) fn matches(views: &[Photograph], most: usize, watch: &mut dyn MatchWa
     let maps = planes(&searches, &Kept::name(&shots), watch)?;
     let compared: Vec<Vec<usize>> =
         compared.iter().map(|others| others.iter().filter_map(|m| chosen.binary_search(m).ok()).collect()).collect();
-    let maps = completed(&searches, &maps, &compared);
+    let maps = completed(&searches, maps, &compared);
     let distances = distances(views, &chosen, &searches, &maps);
     let points = searches.iter().zip(&maps).flat_map(|(search, map)| search.shot.points(map)).collect();
     Some(Matches { points, distances })

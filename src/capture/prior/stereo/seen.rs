@@ -1,5 +1,7 @@
 //! Places as another photograph shows them.
 
+use std::cmp::Ordering;
+
 use glam::{DVec2, DVec3};
 
 use super::shot::{PlaneMap, StereoShot};
@@ -52,19 +54,18 @@ impl<'a> Seen<'a> {
         self.patch[1] * self.shot.patches()[0] + self.patch[0]
     }
 
-    pub(super) fn luminance(&self) -> f32 {
-        self.shot.mean_luminance(self.number())
-    }
-
-    /// True if the plane of this patch in `map` is behind the place, by [`SEEN_THROUGH`] of 1/depth and by twice the `tolerance`.
-    pub(super) fn is_behind(&self, map: &PlaneMap, tolerance: f64) -> bool {
-        let found = self.plane_at(map, self.number());
-        found.is_some_and(|found| self.inverse - found > (2.0 * tolerance).max(SEEN_THROUGH * self.inverse))
-    }
-
-    /// True if the plane of this patch in `map` is as much before the place.
-    pub(super) fn is_hidden(&self, map: &PlaneMap, tolerance: f64) -> bool {
-        let found = self.plane_at(map, self.number());
-        found.is_some_and(|found| found - self.inverse > (2.0 * tolerance).max(SEEN_THROUGH * self.inverse))
+    /// The order of depths of the plane of this patch in `map` and the place: greater if the photograph sees through the place, less
+    /// if the plane hides it. They are equal, too, if 1/depth differs by less than [`SEEN_THROUGH`] of it or twice the `tolerance`,
+    /// or if there is no plane.
+    pub(super) fn depth_order(&self, map: &PlaneMap, tolerance: f64) -> Ordering {
+        let Some(found) = self.plane_at(map, self.number()) else { return Ordering::Equal };
+        let apart = (2.0 * tolerance).max(SEEN_THROUGH * self.inverse);
+        if self.inverse - found > apart {
+            Ordering::Greater
+        } else if found - self.inverse > apart {
+            Ordering::Less
+        } else {
+            Ordering::Equal
+        }
     }
 }
