@@ -301,7 +301,7 @@ fn format_of(bytes: &[u8]) -> String {
 }
 
 /// The flags of the library's options. Other options, such as most of a configuration's, have no flag.
-const FLAGS: [(&str, &str); 36] = [
+const FLAGS: [(&str, &str); 38] = [
     ("alpha", "--alpha"),
     ("background", "--set photographs.background"),
     ("bounds", "--bounds"),
@@ -330,6 +330,8 @@ const FLAGS: [(&str, &str); 36] = [
     ("scale", "--scale"),
     ("seed", "--seed"),
     ("skip_missing", "--skip-missing"),
+    ("space.near_far", "--set space.near_far"),
+    ("space.unbounded", "--set space.unbounded"),
     ("step_scale", "--step-scale"),
     ("steps", "--steps"),
     ("test_every", "--test-every"),

@@ -43,6 +43,7 @@ mod shrink;
 mod state_file;
 mod synth;
 mod table;
+mod time_left;
 mod trade;
 mod train;
 mod training_curve;

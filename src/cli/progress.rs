@@ -1,25 +1,27 @@
 //! Progress of long tasks on standard error: a bar on a terminal, else a line every few seconds.
 
 use std::io::IsTerminal;
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::console::Console;
+use super::time_left::TimeLeft;
 use strivec_format::escape::escaped;
 
 /// The time between two lines if standard error is no terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);
 /// The time between two reports to a host.
 const REPORT_EVERY: Duration = Duration::from_millis(200);
-const BAR: &str = "{prefix} {wide_bar} {pos}/{len}{msg}, {eta} left";
+const BAR: &str = "{prefix} {wide_bar} {pos}/{len}{msg}";
 
 /// The progress of one task.
 pub(super) struct Progress<'a> {
     console: &'a Console,
     task: String,
     bar: ProgressBar,
+    time_left: Mutex<TimeLeft>,
     /// The time of the last line, or report to the host; `None` if there is a bar or the console is quiet.
     last_line: Option<Mutex<Instant>>,
 }
@@ -34,7 +36,7 @@ impl<'a> Progress<'a> {
         bar.set_style(ProgressStyle::with_template(BAR).expect("a valid template").progress_chars("=> "));
         bar.set_prefix(task.to_owned());
         let last_line = (!terminal && !console.is_quiet()).then(|| Mutex::new(Instant::now()));
-        Self { console, task: task.to_owned(), bar, last_line }
+        Self { console, task: task.to_owned(), bar, time_left: Mutex::default(), last_line }
     }
 
     /// The name of the task.
@@ -44,30 +46,37 @@ impl<'a> Progress<'a> {
 
     /// Shows `done` steps and `detail`, such as "41000 rays/s, train 28.31 dB".
     pub(super) fn set(&self, done: u64, detail: impl Fn() -> String) {
+        let total = self.bar.length().unwrap_or(done);
+        let left = self.time_left().after(Instant::now(), done, total);
+        let text = || {
+            let left = left.map_or_else(String::new, |left| format!(", {} left", HumanDuration(left)));
+            format!("{}{left}", with_comma(&detail()))
+        };
         if !self.bar.is_hidden() {
-            self.bar.set_message(escaped(&with_comma(&detail())));
+            self.bar.set_message(escaped(&text()));
         }
         self.bar.set_position(done);
         if let Some(last_line) = &self.last_line {
-            let mut last = last_line.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+            let mut last = last_line.lock().unwrap_or_else(PoisonError::into_inner);
             let host = self.console.host();
             if last.elapsed() < if host.is_some() { REPORT_EVERY } else { LINE_EVERY } {
                 return;
             }
             *last = Instant::now();
-            let total = self.bar.length().unwrap_or(done);
-            if let Some(host) = host {
-                host.progress(&self.task, done, total, &escaped(&detail()));
-            } else {
-                let left = HumanDuration(self.bar.eta());
-                self.console.say(&format!("{}: {done}/{total}{}, {left} left", self.task, with_comma(&detail())));
+            match host {
+                Some(host) => host.progress(&self.task, done, total, &escaped(&detail())),
+                None => self.console.say(&format!("{}: {done}/{total}{}", self.task, text())),
             }
         }
     }
 
+    fn time_left(&self) -> MutexGuard<'_, TimeLeft> {
+        self.time_left.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Restarts the estimate of the remaining time, after other work.
     pub(super) fn reset_rate(&self) {
-        self.bar.reset_eta();
+        self.time_left().reset();
     }
 
     /// Prints a message above the bar.

@@ -14,6 +14,10 @@ const CELLS: f64 = 192.0;
 const RAYS: f64 = 12_000.0;
 /// The share of a known distance, at its end, that is not taken as free.
 const MARGIN: f64 = 0.05;
+/// Nothing is nearer to a camera than this part of the distance of the nearest surfaces in its photograph, ...
+const OPEN: f64 = 0.5;
+/// ... which are this share of the known distances.
+const NEAREST_SHARE: f64 = 0.02;
 /// Photographs that must see through a cell: a single one may have a wrong distance there.
 const MIN_VIEWS: u16 = 3;
 
@@ -89,17 +93,25 @@ impl Grid {
     /// The surfaces in `views`, and the cells that they see through.
     fn seen(&self, views: &[Photograph], scene: &Scene) -> Seen {
         let mut seen = self.unseen();
+        let scale = scene.frame.model_from_dataset.scale;
         // \[cell\] one more than the number of the last photograph that saw through it.
         let mut last = vec![0_u32; seen.through.len()];
         for (n, view) in (1..).zip(views).filter(|(_, view)| !view.distances.is_empty()) {
             let camera = view.camera.mapped(&scene.frame.model_from_dataset);
+            let open = OPEN * scale * nearest(&view.distances);
             let stride = (view.distances.len() as f64 / RAYS).sqrt().ceil().max(1.0) as usize;
             for row in (stride as u32 / 2..camera.height).step_by(stride) {
                 for column in (stride as u32 / 2..camera.width).step_by(stride) {
                     let known =
                         view.distances.get((row * camera.width + column) as usize).map_or(0.0, |&d| f64::from(d));
-                    let Some(ray) = camera.ray(column, row).filter(|_| known > 0.0) else { continue };
-                    let end = known * scene.frame.model_from_dataset.scale;
+                    let Some(ray) = camera.ray(column, row) else { continue };
+                    for cell in self.along(&ray, [scene.frame.near, open], scene) {
+                        seen.through[cell] = seen.through[cell].max(MIN_VIEWS);
+                    }
+                    if known <= 0.0 {
+                        continue;
+                    }
+                    let end = known * scale;
                     if let Some(cell) =
                         self.cell(scene.rules.contraction.map_or(ray.at(end), |c| c.contract(ray.at(end))))
                     {
@@ -134,6 +146,13 @@ impl Grid {
         let place = move |n: usize| path.position(from + (to - from) * (n as f64 + 0.5) / count as f64);
         (0..count).filter_map(move |n| self.cell(place(n)))
     }
+}
+
+/// The distance that a few of the known ones are below; 0 if none is known.
+fn nearest(distances: &[f32]) -> f64 {
+    let mut known: Vec<f32> = distances.iter().copied().filter(|&d| d > 0.0).collect();
+    let at = (NEAREST_SHARE * known.len() as f64) as usize;
+    if known.is_empty() { 0.0 } else { f64::from(*known.select_nth_unstable_by(at, f32::total_cmp).1) }
 }
 
 #[cfg(test)]

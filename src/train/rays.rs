@@ -7,6 +7,7 @@ use super::chunk::RAYS_PER_CHUNK;
 use super::ray_errors::DrawnPixel;
 use super::{RaySampler, Target};
 use strivec_field::{Activations, Field, Samples, vectorized};
+use strivec_format::color_map::ColorMap;
 use strivec_format::geometry::{Ray, morton};
 use strivec_format::psnr::psnr_of_mse;
 use strivec_format::random::Random;
@@ -53,10 +54,13 @@ impl RayBatch {
         colors(field, &self.rays, |ray| self.targets[ray].background)
     }
 
-    /// The PSNR of `field` against the photographed colors, in dB.
-    pub fn psnr(&self, field: &Field<f32>) -> f64 {
+    /// The PSNR of `field` against the photographed colors, in dB. \[view\] `maps` from the scene's colors to those of
+    /// photographs; none if empty.
+    pub fn psnr(&self, field: &Field<f32>, maps: &[ColorMap]) -> f64 {
         let squared = |(color, target): (&[f32; 3], &Target)| {
-            (0..3).map(|c| f64::from(color[c] - target.color[c]).powi(2)).sum::<f64>()
+            let color = color.map(f64::from);
+            let color = maps.get(target.view as usize).map_or(color, |map| map.apply(color));
+            (0..3).map(|c| (color[c] - f64::from(target.color[c])).powi(2)).sum::<f64>()
         };
         let error: f64 = self.colors(field).iter().zip(&self.targets).map(squared).sum();
         psnr_of_mse(error / (3 * self.rays.len().max(1)) as f64)

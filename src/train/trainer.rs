@@ -118,11 +118,6 @@ impl<'a> Trainer<'a> {
         &self.config
     }
 
-    /// The rays that training draws from.
-    pub(super) fn sampler(&self) -> &RaySampler<'a> {
-        &self.sampler
-    }
-
     /// Continues with another `scene` of the same photographs for `steps`, counted from 0, over which learning rates fall.
     /// The optimizer restarts, and the errors of rays are forgotten.
     pub(super) fn restart_from(&mut self, mut scene: Scene, steps: u64) {
@@ -211,7 +206,7 @@ impl<'a> Trainer<'a> {
     ///
     /// [`TrainError::EmptyScene`].
     pub fn prune_dead_components(&self, scene: &mut Scene) -> Result<DeadComponents, TrainError> {
-        prune_dead_components(scene, &self.sampler, self.config.seed)
+        prune_dead_components(scene, &self.sampler, self.checkpoint.exposures.maps(), self.config.seed)
     }
 
     /// One optimizer step, then the changes that the schedule has after it.

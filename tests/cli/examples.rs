@@ -55,6 +55,8 @@ fn render_picture_writes_a_png() {
 /// Settings for seconds.
 const SETTINGS: &str = "
 preset = \"fast\"
+[model]
+step = 1.5
 [sampling]
 batch_rays = 128
 [schedule]

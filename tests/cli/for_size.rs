@@ -14,6 +14,8 @@ use tempfile::TempDir;
 /// Small enough for seconds.
 const SETTINGS: &str = "
 preset = \"fast\"
+[model]
+step = 2.0
 [sampling]
 batch_rays = 256
 [schedule]

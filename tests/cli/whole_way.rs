@@ -12,6 +12,8 @@ use tempfile::TempDir;
 /// white, which 8 bits do not round.
 const SETTINGS: &str = "
 preset = \"fast\"
+[model]
+step = 1.0
 [sampling]
 batch_rays = 256
 [schedule]

@@ -101,7 +101,8 @@ fn a_million_tensors_give_the_same_picture() {
         ..Made::default()
     };
     let scene = made.scene(&random);
-    within("a million tensors", &scene, &rays_through(&scene, 300), Way::ALL, 2.0);
+    // Where tensors are does not depend on the precision of factors.
+    within("a million tensors", &scene, &rays_through(&scene, 300), &[Way::CpuF32, Way::GpuF32], 2.0);
 }
 
 #[test]

@@ -152,6 +152,7 @@ fn every_world_scale_and_place_trains_to_the_same_error() {
     let seen = views(12);
     let mut config = config();
     config.schedule.steps = 120;
+    config.model.step = 1.0;
     config.prior.voxels = 8000;
     config.prior.steps = vec![100];
     config.prior.rays = 512;

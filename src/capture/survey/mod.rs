@@ -10,7 +10,7 @@ mod kind;
 mod telling;
 
 pub use kind::{Classified, Kind};
-pub use telling::Given;
+pub use telling::{Given, Line};
 
 use std::borrow::Cow;
 use std::path::Path;

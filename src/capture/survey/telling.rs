@@ -1,5 +1,7 @@
 //! A survey in words: what was decided, by what, and the setting that decides otherwise.
 
+use std::fmt;
+
 use glam::DVec3;
 
 use strivec_format::OptionName;
@@ -16,20 +18,48 @@ pub struct Given {
     pub unbounded: bool,
 }
 
+/// A line of a survey. Settings have the names of [`named_by`](strivec_format::named_by).
+#[derive(Clone, Debug)]
+pub struct Line<'a> {
+    survey: &'a Survey,
+    given: Given,
+    text: fn(&Survey, Given) -> String,
+}
+
+impl fmt::Display for Line<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&(self.text)(self.survey, self.given))
+    }
+}
+
 impl Survey {
     /// At most six lines for people, each with a label: what is in the survey and why. Of remarks, the first is told.
-    pub fn lines(&self, given: Given) -> Vec<(&'static str, String)> {
-        let mut lines = vec![("kind", self.kind.to_string()), ("rays", self.rays(given)), ("space", self.space(given))];
-        if let Some(footprints) = self.footprints {
-            let [near, middle, far] = footprints.map(|width| digits(width, width));
-            let text = format!("a pixel is {middle} wide at half of what is seen, {near} to {far} at most of it");
-            lines.push(("detail", format!("{text} ({} makes photographs smaller)", OptionName("downscale"))));
+    pub fn lines(&self, given: Given) -> Vec<(&'static str, Line<'_>)> {
+        let line = |text| Line { survey: self, given, text };
+        let mut lines = vec![
+            ("kind", line(|survey: &Self, _| survey.kind.to_string())),
+            ("rays", line(Self::rays)),
+            ("space", line(Self::space)),
+        ];
+        if self.footprints.is_some() {
+            lines.push(("detail", line(Self::detail)));
         }
-        if let Some((first, others)) = self.remarks.split_first() {
-            let rest = if others.is_empty() { String::new() } else { format!("; {} more", others.len()) };
-            lines.push(("doubtful", format!("{first}{rest}")));
+        if !self.remarks.is_empty() {
+            lines.push(("doubtful", line(Self::doubts)));
         }
         lines
+    }
+
+    fn detail(&self, _: Given) -> String {
+        let [near, middle, far] = self.footprints.unwrap_or_default().map(|width| digits(width, width));
+        let text = format!("a pixel is {middle} wide at half of what is seen, {near} to {far} at most of it");
+        format!("{text} ({} makes photographs smaller)", OptionName("downscale"))
+    }
+
+    fn doubts(&self, _: Given) -> String {
+        let Some((first, others)) = self.remarks.split_first() else { return String::new() };
+        let rest = if others.is_empty() { String::new() } else { format!("; {} more", others.len()) };
+        format!("{first}{rest}")
     }
 
     fn rays(&self, given: Given) -> String {

@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::picture::FloorPlan;
 use super::{Context, DatasetOptions, Error};
+use crate::error::with_flags;
 use crate::observer::ConsoleObserver;
 use crate::table::{plural, short};
 use crate::write_atomically;
@@ -245,7 +246,8 @@ fn samples(args: &Args, count: usize) -> Vec<Photograph> {
 /// The lines of a survey with their labels, without a remark on points, which the inventory has.
 fn lines(mut survey: Survey) -> Vec<(&'static str, String)> {
     survey.remarks.retain(|remark| !matches!(remark, Remark::Points { .. }));
-    survey.lines(Given::default())
+    let lines = survey.lines(Given::default()).into_iter();
+    lines.map(|(label, line)| (label, with_flags(&line))).collect()
 }
 
 /// Cameras of the same size, lens and focal lengths are of one kind.

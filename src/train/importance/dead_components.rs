@@ -19,6 +19,7 @@ use serde::Serialize;
 use crate::component_mask::ComponentMask;
 use crate::{RAYS_PER_CHUNK, RayBatch, RaySampler, TrainError};
 use strivec_field::{Field, Samples, vectorized};
+use strivec_format::color_map::ColorMap;
 use strivec_format::geometry::Ray;
 use strivec_format::model::Scene;
 use strivec_format::random::Random;
@@ -52,7 +53,8 @@ pub struct DeadComponents {
     pub psnr_after: f64,
 }
 
-/// Writes zeros over the dead components of `scene`, which was trained on the photographs of `sampler`. The same scene,
+/// Writes zeros over the dead components of `scene`, which was trained on the photographs of `sampler`, of which \[view\] `maps` lead from
+/// the scene's colors to theirs (none if empty). The same scene,
 /// photographs and `seed` always give the same result, on any number of threads. The scene stays as it is if no
 /// component is dead, or if pruning would cost more than [`MAX_LOSS`].
 ///
@@ -62,6 +64,7 @@ pub struct DeadComponents {
 pub fn prune_dead_components(
     scene: &mut Scene,
     sampler: &RaySampler<'_>,
+    maps: &[ColorMap],
     seed: u64,
 ) -> Result<DeadComponents, TrainError> {
     let mut field = Field::<f32>::unlimited(scene);
@@ -73,7 +76,7 @@ pub fn prune_dead_components(
     let draw = |first: usize, count: usize| RayBatch::draw(sampler, &field, &order, first as u64, count);
     let (selection, evaluation) = (draw(0, selecting), draw(selecting, count.min(EVAL_RAYS)));
 
-    let psnr_before = evaluation.psnr(&field);
+    let psnr_before = evaluation.psnr(&field, maps);
     let mut mask = ComponentMask::none(scene);
     mask_idle_tensors(&mut mask, scene, &mut field, &selection);
     let idle = mask.clone();
@@ -81,7 +84,7 @@ pub fn prune_dead_components(
     // Without the small components, if those cost too much.
     for mask in [mask, idle] {
         mask.write_to(scene, &mut field);
-        let psnr_after = evaluation.psnr(&field);
+        let psnr_after = evaluation.psnr(&field, maps);
         // PSNRs are equal and infinite if pictures fit exactly. A PSNR that is not a number is a loss.
         if psnr_before - psnr_after <= MAX_LOSS || psnr_after == psnr_before {
             let (tensors_dropped, components_dropped, parameters_saved) = mask.count(scene);

@@ -96,7 +96,7 @@ pub fn shrink<'v>(
 /// [`TrainError::EmptyScene`].
 pub fn compacted(trainer: &Trainer<'_>) -> Result<Scene, TrainError> {
     let mut scene = trainer.scene();
-    prune_dead_components(&mut scene, trainer.sampler(), trainer.config().seed)?;
+    trainer.prune_dead_components(&mut scene)?;
     ranks::drop_ranks(&mut scene);
     Ok(scene)
 }
