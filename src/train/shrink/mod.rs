@@ -7,7 +7,7 @@ mod ranks;
 
 use super::{
     FinishConfig, LeanConfig, OptimizerConfig, ScaleConfig, ScheduleConfig, TrainConfig, TrainError, Trainer,
-    march_step, prune_dead_components,
+    march_step,
 };
 use strivec_capture::dataset::Photograph;
 use strivec_format::model::{Scale, Scene};
