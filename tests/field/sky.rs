@@ -73,11 +73,11 @@ fn a_sky_is_learned_and_all_rays_take_part() {
         sampler.filter_rays(&field);
         RayBatch::draw(&sampler, &field, &Random::new(1, "judged"), 0, 2000)
     };
-    let [before, _] = [&sky, &plain].map(|trainer| rays.psnr(&Field::unlimited(&trainer.scene())));
+    let [before, _] = [&sky, &plain].map(|trainer| rays.psnr(&Field::unlimited(&trainer.scene()), &[]));
     run_to(&mut sky, with.schedule.steps);
     run_to(&mut plain, with.schedule.steps);
     assert_eq!(sky.ray_count() as u32, 8 * SIZE * SIZE, "and are not filtered out with the occupancy");
-    let [after, background] = [&sky, &plain].map(|trainer| rays.psnr(&Field::unlimited(&trainer.scene())));
+    let [after, background] = [&sky, &plain].map(|trainer| rays.psnr(&Field::unlimited(&trainer.scene()), &[]));
     println!("{before:.2} dB gray, {after:.2} dB trained, {background:.2} dB on a background");
     assert!(after > before + 6.0 && after > background + 6.0, "{before}, {after}, {background}");
     // Where photographs show nothing else, the sky is that of the photographs.

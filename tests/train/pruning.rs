@@ -143,7 +143,7 @@ fn prune_dead(scene: &mut Scene) -> strivec_train::DeadComponents {
     let views = views(scene);
     let mut sampler = RaySampler::new(&views, &scene.frame, &config()).unwrap();
     sampler.filter_rays(&Field::<f32>::unlimited(scene));
-    prune_dead_components(scene, &sampler, 3).unwrap()
+    prune_dead_components(scene, &sampler, &[], 3).unwrap()
 }
 
 /// True if all density, or all appearance, of tensor `n` is exactly zero.
@@ -270,7 +270,7 @@ fn a_scene_that_no_photograph_depends_on_is_an_error() {
     scene.provenance.steps = 60;
     let mut sampler = RaySampler::new(&views, &scene.frame, &config()).unwrap();
     sampler.filter_rays(&Field::<f32>::unlimited(&scene));
-    let error = prune_dead_components(&mut scene, &sampler, 3).unwrap_err();
+    let error = prune_dead_components(&mut scene, &sampler, &[], 3).unwrap_err();
     assert!(matches!(error, TrainError::EmptyScene { steps: 60 }), "{error}");
     let text = error.to_string();
     assert!(text.contains("60 steps") && text.contains("more steps") && text.contains("prior"), "{text}");

@@ -92,3 +92,45 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied()
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::dataset::Pixels;
+
+    /// Photographs of the wall y = 0 from beside each other, each so many times as bright as the wall.
+    fn photographs(gains: &[f32]) -> Vec<Photograph> {
+        let view = |(n, &gain): (usize, &f32)| {
+            let at = DVec3::new(0.2 * n as f64, -3.0, 0.0);
+            let camera = Camera::looking_at([60, 60], 60.0, at, DVec3::new(0.5, 0.0, 0.0), DVec3::Z);
+            let rays = || camera.rays(0..60).map(|ray| ray.map(|ray| (ray, 3.0 / ray.direction.y)));
+            let color = |x: f64| [gain * (0.4 + 0.1 * (3.0 * x).sin()) as f32; 3];
+            let colors = rays().map(|ray| ray.map_or([0.0; 3], |(ray, t)| color(ray.at(t).x)));
+            let pixels = Pixels::opaque(colors.collect::<Vec<_>>());
+            let distances = rays().map(|ray| ray.map_or(0.0, |(_, t)| t as f32)).collect();
+            Photograph { distances, ..Photograph::new(n.to_string(), camera, pixels) }
+        };
+        gains.iter().enumerate().map(view).collect()
+    }
+
+    #[test]
+    fn a_shared_wall_tells_how_bright_photographs_are() {
+        let gains = [1.0, 0.5, 1.0, 1.5, 1.0];
+        let found = brightness(&photographs(&gains));
+        for (gain, found) in gains.into_iter().zip(&found) {
+            let stops = found.expect("a wall that others show");
+            assert!((stops - f64::from(gain.log2())).abs() < 0.02, "{gain}: {stops} of {found:?}");
+        }
+    }
+
+    #[test]
+    fn what_shares_no_known_surface_has_no_brightness() {
+        let mut views = photographs(&[1.0, 0.7, 1.0]);
+        views[1].distances.clear();
+        assert_eq!(brightness(&views).iter().map(Option::is_some).collect::<Vec<_>>(), [true, false, true]);
+        assert_eq!(brightness(&photographs(&[1.0])), [None]);
+        assert_eq!(brightness(&[]), []);
+    }
+}

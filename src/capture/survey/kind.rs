@@ -108,3 +108,41 @@ impl fmt::Display for Classified {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Cameras at `positions` that look at a target each.
+    fn cameras(positions: impl Iterator<Item = (DVec3, DVec3)>) -> Vec<Camera> {
+        positions.map(|(at, target)| Camera::looking_at([40, 30], 40.0, at, target, DVec3::Z)).collect()
+    }
+
+    /// A place on a circle of radius `radius`, a bit above its plane.
+    fn on_circle(n: u32, radius: f64) -> DVec3 {
+        let angle = f64::from(n) / 12.0 * std::f64::consts::TAU;
+        DVec3::new(radius * angle.cos(), radius * angle.sin(), 0.1)
+    }
+
+    #[test]
+    fn cameras_and_backgrounds_tell_the_kind() {
+        let around = cameras((0..12).map(|n| (on_circle(n, 4.0), DVec3::ZERO)));
+        let within = cameras((0..12).map(|n| (on_circle(n, 0.3), on_circle(n, 5.0))));
+        let ahead = cameras((0..12).map(|n| (on_circle(n, 0.3), on_circle(n, 0.3) + 9.0 * DVec3::X)));
+        for (cameras, [is_opaque, is_plain, is_wide], expected) in [
+            (&around, [false, false, false], Kind::CutOut),
+            (&around, [true, true, false], Kind::PlainBackground),
+            (&around, [true, false, true], Kind::Surrounded),
+            (&within, [true, false, false], Kind::Room),
+            (&within, [true, true, true], Kind::Outdoors),
+            (&ahead, [true, false, false], Kind::ForwardFacing),
+        ] {
+            let found = Classified::of(cameras, is_opaque, is_plain, is_wide);
+            assert_eq!(found.kind, expected, "{found:?}");
+            let text = found.to_string();
+            assert!(text.is_ascii() && !text.contains('\n'), "{text}");
+        }
+        assert!((Classified::of(&around, true, false, false).at_one_thing - 1.0).abs() < 1e-12);
+        assert!((Classified::of(&ahead, true, false, false).one_way - 1.0).abs() < 1e-12);
+    }
+}
