@@ -14,6 +14,7 @@ Examples:
   strivec synth toy --views 40 --size 200x200 --seed 1
   strivec synth fisheye --layout colmap --camera opencv-fisheye --views 52
   strivec synth meadow --outdoor --views 140 --test-views 20
+  strivec synth statue --floor --layout colmap --views 49
   strivec synth scene0000_00 --layout scannet --room --views 140 --test-views 20 --size 324x242
 
 Every layout but scannet has the same viewpoints and the exact geometry: a mesh (mesh.ply, mesh.obj), points on the surface \
@@ -51,6 +52,10 @@ pub(super) struct Args {
     /// A closed room instead of a transparent background: floor, walls and ceiling, with cameras in it
     #[arg(long, conflicts_with = "outdoor")]
     room: bool,
+    /// A plain floor without an edge instead of a transparent background, in photographs of different exposures; the layout
+    /// transforms has depth maps
+    #[arg(long, conflicts_with_all = ["outdoor", "room"])]
+    floor: bool,
     /// Random seed; equal seeds give equal bytes
     #[arg(long, value_name = "S", default_value_t = 0)]
     seed: u64,
@@ -78,11 +83,12 @@ struct ScanReport<'a> {
 
 /// Makes the dataset.
 pub(super) fn run(args: &Args, session: &Context) -> Result<(), Error> {
-    let &Args { layout, camera, views, size, seed, outdoor, room, .. } = args;
-    let surroundings = match (outdoor, room) {
-        (true, _) => Surroundings::Meadow,
-        (_, true) => Surroundings::Room,
-        _ => Surroundings::None,
+    let &Args { layout, camera, views, size, seed, outdoor, room, floor, .. } = args;
+    let surroundings = match [outdoor, room, floor] {
+        [true, ..] => Surroundings::Meadow,
+        [_, true, _] => Surroundings::Room,
+        [.., true] => Surroundings::Floor,
+        [false, false, false] => Surroundings::None,
     };
     let folder = &args.out;
     session.console.say(&format!("synth: making {}", folder.display()));

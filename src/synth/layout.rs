@@ -39,6 +39,11 @@ pub(super) struct PlannedPicture {
 }
 
 impl PlannedPicture {
+    /// The path of the picture's depth map in the dataset's folder.
+    pub(super) fn depth_file(&self) -> String {
+        format!("depths/{}.npy", self.file.trim_end_matches(".png").replace('/', "_"))
+    }
+
     /// The file's name without folder and ending.
     pub(super) fn stem(&self) -> &str {
         let name = self.file.rsplit('/').next().unwrap_or_default();

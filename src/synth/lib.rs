@@ -32,7 +32,7 @@ mod transforms;
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use image::ImageFormat;
 use rayon::prelude::*;
@@ -77,7 +77,8 @@ const ROOM_POINTS: usize = 20_000;
 ///   solid or its inside, within 1e-9; `bounds`, float64 (2, 3), the grid's corners.
 ///
 /// With surroundings, pictures are opaque, and in all layouts but ScanNet's `distances/` has the exact distances along the
-/// rays of test views, float32 \[row\]\[column\], infinite to the sky.
+/// rays of test views, float32 \[row\]\[column\], infinite to the sky. With a plain floor, the layout
+/// [`SynthLayout::Transforms`] has the depth maps of all views in `depths/`.
 ///
 /// The still life lies within \[−1, 1\]³, z up, a room within \[−2.5, 2.5\]³. Pictures of fisheye and equirectangular
 /// cameras use the sines of the platform's mathematics library and may differ in their last bits between platforms.
@@ -100,15 +101,28 @@ pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Err
     };
     let validation = cameras(options.test_views.div_ceil(4), 2);
     let photographs = layout.photographs(cameras(options.views, 1), validation, cameras(options.test_views, 3));
-    take(&scene, out, &photographs)?;
+    take(&scene, out, &photographs, hash(seed, 8))?;
     if scene.surroundings != Surroundings::None {
-        write_distances(&scene, out, &photographs)?;
+        let tests: Vec<_> = photographs.iter().filter(|photograph| photograph.split == Split::Test).collect();
+        write_distances(
+            &tests,
+            &scene,
+            |_, _| 1.0,
+            |photograph| out.join(format!("distances/{}.npy", photograph.stem())),
+        )?;
+    }
+    let has_depths = scene.surroundings == Surroundings::Floor && layout == SynthLayout::Transforms;
+    if has_depths {
+        // Depths are along the optical axis.
+        let all: Vec<_> = photographs.iter().collect();
+        let cosine = |camera: &Camera, ray: &Ray| -ray.direction.dot(camera.world_from_camera.z_axis);
+        write_distances(&all, &scene, cosine, |photograph| out.join(photograph.depth_file()))?;
     }
     let sparse_count = if scene.surroundings == Surroundings::Room { ROOM_POINTS } else { SPARSE_POINTS };
     let sparse_points = || points::points(&scene, sparse_count, hash(seed, 5));
     match layout {
         SynthLayout::Blender | SynthLayout::ScanNet => transforms::write_blender(out, &photographs)?,
-        SynthLayout::Transforms => transforms::write_transforms(out, &photographs, camera)?,
+        SynthLayout::Transforms => transforms::write_transforms(out, &photographs, camera, has_depths)?,
         SynthLayout::Colmap | SynthLayout::ColmapText => {
             let points = sparse_points();
             let model = colmap::Reconstruction::new(&scene, &photographs, &points, camera);
@@ -130,25 +144,32 @@ pub fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesized, Err
     Ok(Synthesized { pictures, lost: 0, triangles, torn: 0.0, points, occupied_cells })
 }
 
-/// Writes the exact distances along the rays of all pixels of test views, infinite to the sky.
-fn write_distances(scene: &SyntheticScene, out: &Path, photographs: &[PlannedPicture]) -> Result<(), Error> {
-    let folder = out.join("distances");
-    fs::create_dir_all(&folder).map_err(Error::write(&folder))?;
-    photographs.par_iter().filter(|photograph| photograph.split == Split::Test).try_for_each(|photograph| {
+/// Writes the exact distances along the rays of all pixels of `photographs`, times a `scale` of camera and ray, to the `files`;
+/// infinite to the sky.
+fn write_distances(
+    photographs: &[&PlannedPicture],
+    scene: &SyntheticScene,
+    scale: impl Fn(&Camera, &Ray) -> f64 + Sync,
+    file: impl Fn(&PlannedPicture) -> PathBuf + Sync,
+) -> Result<(), Error> {
+    photographs.par_iter().try_for_each(|photograph| {
         let camera = &photograph.camera;
+        let path = file(photograph);
+        let folder = path.parent().unwrap_or(Path::new("."));
+        fs::create_dir_all(folder).map_err(Error::write(folder))?;
         let distance = |ray: Ray| {
             let to_scene = scene.hit(&ray, 0.0).map(|hit| hit.t);
-            let to_meadow = || outdoor::distance(&ray, scene.meadow?);
-            to_scene.or_else(to_meadow).unwrap_or(f64::INFINITY) as f32
+            let to_ground = || outdoor::distance(&ray, scene.ground?);
+            (scale(camera, &ray) * to_scene.or_else(to_ground).unwrap_or(f64::INFINITY)) as f32
         };
         let distances: Vec<f32> = camera.rays(0..camera.height).map(|ray| ray.map_or(f32::NAN, distance)).collect();
         let shape = [camera.height, camera.width].map(|extent| extent as usize);
-        write(&folder.join(format!("{}.npy", photograph.stem())), |file| npy::write(file, &shape, distances))
+        write(&path, |file| npy::write(file, &shape, distances))
     })
 }
 
-/// Writes the pictures.
-fn take(scene: &SyntheticScene, out: &Path, photographs: &[PlannedPicture]) -> Result<(), Error> {
+/// Writes the pictures, with exposures of `seed`.
+fn take(scene: &SyntheticScene, out: &Path, photographs: &[PlannedPicture], seed: u64) -> Result<(), Error> {
     for photograph in photographs {
         let folder = out.join(&photograph.file);
         let folder = folder.parent().unwrap_or(out);
@@ -156,7 +177,8 @@ fn take(scene: &SyntheticScene, out: &Path, photographs: &[PlannedPicture]) -> R
     }
     let lights = Lights::new();
     photographs.par_iter().try_for_each(|photograph| {
-        let picture = pictures::picture(scene, &lights, &photograph.camera);
+        let exposure = pictures::exposure(scene, &photograph.camera, seed);
+        let picture = pictures::picture(scene, &lights, &photograph.camera, exposure);
         let encoded = |file: &mut BufWriter<File>| picture.write_to(file, ImageFormat::Png).map_err(io::Error::other);
         write(&out.join(&photograph.file), encoded)
     })

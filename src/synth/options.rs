@@ -32,7 +32,7 @@ pub struct SynthOptions {
     pub size: [u32; 2],
     /// Seed of the cameras' positions and the textures' variations; the geometry is always the same.
     pub seed: u64,
-    /// The surroundings of the still life. ScanNet's layout describes rooms and rejects a meadow.
+    /// The surroundings of the still life. ScanNet's layout describes rooms and rejects a meadow and a floor.
     pub surroundings: Surroundings,
     /// If true, also writes to a folder that is not empty, replacing files of the same names and keeping all others.
     pub force: bool,
@@ -82,9 +82,14 @@ pub(super) fn check(options: &SynthOptions) -> Result<(), Error> {
         let expected = format!("{} in the layout {}", names.join(", "), layout.name());
         return Err(Invalid::new(Place::option("camera"), expected, camera.name()).into());
     }
-    if options.surroundings == Surroundings::Meadow && layout == SynthLayout::ScanNet {
+    let outdoors = match options.surroundings {
+        Surroundings::Meadow => Some("a meadow"),
+        Surroundings::Floor => Some("a floor"),
+        Surroundings::None | Surroundings::Room => None,
+    };
+    if let Some(found) = outdoors.filter(|_| layout == SynthLayout::ScanNet) {
         let place = Place::option("surroundings");
-        return Err(Invalid::new(place, "a room or none in the layout scannet", "a meadow").into());
+        return Err(Invalid::new(place, "a room or none in the layout scannet", found).into());
     }
     match layout.test_views(views) {
         Some(expected) if !layout.splits(views, test_views) => {

@@ -1,4 +1,4 @@
-//! Surroundings without an edge: a meadow to the horizon, hills far away, and a sky.
+//! Surroundings without an edge: a meadow to the horizon and hills far away, or a plain floor, and a sky.
 
 use glam::DVec3;
 
@@ -20,15 +20,31 @@ const OCTAVES: u32 = 9;
 /// Patterns fade that are smaller than this share of their distance: about a pixel.
 const PIXEL: f64 = 0.004;
 
+/// The color of the plain floor: a gray that is bright, but not white at any exposure.
+const FLOOR_COLOR: u32 = 0xaaa69c;
+
+/// What the solids stand on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Ground {
+    /// A meadow and hills, whose shape and patterns have this seed.
+    Meadow(u64),
+    /// A plain floor.
+    Floor,
+}
+
 /// The sRGB color, in \[0, 1\], of what `ray` sees past the solids.
-pub(super) fn color(scene: &SyntheticScene, lights: &Lights, ray: &Ray, seed: u64) -> [f64; 3] {
-    let seen = match distance(ray, seed) {
+pub(super) fn color(scene: &SyntheticScene, lights: &Lights, ray: &Ray, ground: Ground) -> [f64; 3] {
+    let seen = match distance(ray, ground) {
         None => surroundings(ray.direction),
         Some(distance) => {
             let point = ray.at(distance);
-            let is_hill = point.truncate().length() > HILLS - 1e-6;
-            let albedo = pattern(point, distance, seed);
-            let light = if is_hill { lights.on_slopes() } else { lights.on_ground(scene, point) };
+            let (albedo, light) = match ground {
+                Ground::Floor => (linear(FLOOR_COLOR), lights.on_ground(scene, point)),
+                Ground::Meadow(seed) if point.truncate().length() > HILLS - 1e-6 => {
+                    (pattern(point, distance, seed), lights.on_slopes())
+                }
+                Ground::Meadow(seed) => (pattern(point, distance, seed), lights.on_ground(scene, point)),
+            };
             // Air between: far things pale.
             (albedo * light).lerp(surroundings(DVec3::X), 1.0 - 1.0 / (1.0 + distance / 150.0))
         }
@@ -36,10 +52,18 @@ pub(super) fn color(scene: &SyntheticScene, lights: &Lights, ray: &Ray, seed: u6
     seen.to_array().map(srgb)
 }
 
-/// The distance along `ray` to the meadow or the hills; `None` to the sky. `seed` selects the hills' shape.
-pub(super) fn distance(ray: &Ray, seed: u64) -> Option<f64> {
+/// The distance along `ray` to the ground or to hills on it; `None` to the sky.
+pub(super) fn distance(ray: &Ray, ground: Ground) -> Option<f64> {
+    let to_ground = (FOOT - ray.origin.z) / ray.direction.z;
+    match ground {
+        Ground::Floor => (to_ground > 0.0 && to_ground.is_finite()).then_some(to_ground),
+        Ground::Meadow(seed) => distance_to_meadow(ray, to_ground, seed),
+    }
+}
+
+/// The distance along `ray` to the meadow, which it would meet after `ground`, or the hills, whose shape `seed` selects.
+fn distance_to_meadow(ray: &Ray, ground: f64, seed: u64) -> Option<f64> {
     let (at, along) = (ray.origin.truncate(), ray.direction.truncate());
-    let ground = (FOOT - ray.origin.z) / ray.direction.z;
     let square = along.length_squared();
     let half = at.dot(along);
     let to_hills = ((half * half + square * (HILLS * HILLS - at.length_squared())).sqrt() - half) / square;
@@ -76,16 +100,18 @@ mod tests {
             let turn = f64::from(step) * std::f64::consts::TAU / 64.0;
             let toward = |up: f64| Ray { origin, direction: DVec3::new(turn.cos(), turn.sin(), up).normalize() };
             let low = toward(-0.3);
-            let at = low.at(distance(&low, 7).unwrap());
+            let at = low.at(distance(&low, Ground::Meadow(7)).unwrap());
             assert!((at.z - FOOT).abs() < 1e-12, "the meadow is flat");
             let level = toward(-0.01);
-            let at = level.at(distance(&level, 7).unwrap());
+            let at = level.at(distance(&level, Ground::Meadow(7)).unwrap());
             assert!((at.truncate().length() - HILLS).abs() < 1e-9 && at.z > FOOT);
-            assert_eq!(distance(&toward(0.3), 7), None);
+            assert_eq!(distance(&toward(0.3), Ground::Meadow(7)), None);
         }
         let down = Ray { origin, direction: DVec3::NEG_Z };
-        assert_eq!(distance(&down, 7), Some(0.4 - FOOT));
-        assert_eq!(distance(&Ray { direction: DVec3::Z, ..down }, 7), None);
+        for ground in [Ground::Meadow(7), Ground::Floor] {
+            assert_eq!(distance(&down, ground), Some(0.4 - FOOT));
+            assert_eq!(distance(&Ray { direction: DVec3::Z, ..down }, ground), None);
+        }
     }
 
     #[test]

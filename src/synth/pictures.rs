@@ -4,7 +4,7 @@ use glam::DVec3;
 use image::RgbaImage;
 use rayon::prelude::*;
 
-use super::portable::{cos_sin, uniform};
+use super::portable::{cos_sin, decoded, srgb, uniform};
 use super::scene::SyntheticScene;
 use super::shading::{Lights, color};
 use super::surroundings::Surroundings;
@@ -43,14 +43,15 @@ pub(super) fn orbit(count: u32, size: [u32; 2], seed: u64) -> Vec<Camera> {
         .collect()
 }
 
-/// The picture of `camera`: straight alpha, transparent outside the scene, which has no outside on a meadow or in a room.
+/// The picture of `camera`: straight alpha, transparent outside the scene, which has no outside on a ground or in a room.
+/// Linear colors are `exposure` times as bright as the scene's.
 ///
 /// A pixel is the mean over a regular grid of 4×4 samples, of sRGB values, because volume rendering and downscaling
 /// average display colors too.
-pub(super) fn picture(scene: &SyntheticScene, lights: &Lights, camera: &Camera) -> RgbaImage {
+pub(super) fn picture(scene: &SyntheticScene, lights: &Lights, camera: &Camera, exposure: f64) -> RgbaImage {
     let seen = |ray: Ray| {
-        let meadow = || Some(outdoor::color(scene, lights, &ray, scene.meadow?));
-        color(scene, lights, &ray).or_else(meadow)
+        let of_ground = || Some(outdoor::color(scene, lights, &ray, scene.ground?));
+        color(scene, lights, &ray).or_else(of_ground)
     };
     let mut picture = RgbaImage::new(camera.width, camera.height);
     picture.par_chunks_exact_mut(4 * camera.width as usize).enumerate().for_each(|(row, bytes)| {
@@ -65,12 +66,27 @@ pub(super) fn picture(scene: &SyntheticScene, lights: &Lights, camera: &Camera) 
                 }
             }
             if covered > 0 {
-                let [r, g, b] = (sum / f64::from(covered)).to_array().map(byte);
+                let [r, g, b] = (sum / f64::from(covered)).to_array().map(|value| byte(exposed(value, exposure)));
                 *pixel = [r, g, b, byte(f64::from(covered) / f64::from(SAMPLES * SAMPLES))];
             }
         }
     });
     picture
+}
+
+/// The sRGB value of a color that is `exposure` times as bright as that of the sRGB `value`.
+fn exposed(value: f64, exposure: f64) -> f64 {
+    if exposure == 1.0 { value } else { srgb(exposure * decoded(value)) }
+}
+
+/// The exposure of a photograph of `scene` by `camera`: before a plain floor up to half a stop brighter or darker than the scene.
+pub(super) fn exposure(scene: &SyntheticScene, camera: &Camera, seed: u64) -> f64 {
+    if scene.surroundings != Surroundings::Floor {
+        return 1.0;
+    }
+    // 2^x within 1e-4, the same on all platforms; the place of a camera is the same in all layouts.
+    let x = (uniform(seed, camera.position.x.to_bits()) - 0.5) * std::f64::consts::LN_2;
+    1.0 + x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x / 24.0)))
 }
 
 #[cfg(test)]
@@ -86,7 +102,7 @@ mod tests {
         // Near enough that the scene covers the picture.
         camera.focal = [50.0; 2];
         camera.position *= 0.4;
-        let picture = picture(&SyntheticScene::new(3), &Lights::new(), &camera);
+        let picture = picture(&SyntheticScene::new(3), &Lights::new(), &camera, 1.0);
         let seen = camera.seen_pixels().unwrap();
         let opaque = |(pixel, seen): (&image::Rgba<u8>, &bool)| (pixel[3] > 0, *seen);
         let pixels: Vec<_> = picture.pixels().zip(&seen).map(opaque).collect();
@@ -102,7 +118,7 @@ mod tests {
         let scene = SyntheticScene::new(3);
         for camera in orbit(5, [120, 100], 9) {
             assert!((camera.position.length() - DISTANCE).abs() < 1e-12);
-            let picture = picture(&scene, &Lights::new(), &camera);
+            let picture = picture(&scene, &Lights::new(), &camera, 1.0);
             for thing in &scene.things {
                 // Project by hand: camera axes are x right, y up, −z forwards; rows grow downwards.
                 let seen = camera.world_from_camera.transpose() * (thing.solid.world(DVec3::ZERO) - camera.position);

@@ -54,12 +54,14 @@ pub(super) fn srgb(linear: f64) -> f64 {
     1.055 * (square * square * root).sqrt().sqrt() - 0.055
 }
 
-/// The linear color of the sRGB color 0xRRGGBB, by a cubic within 0.003.
+/// The linear value of an sRGB one, by a cubic within 0.003.
+pub(super) fn decoded(value: f64) -> f64 {
+    value * (value * (value * 0.305_306_011 + 0.682_171_111) + 0.012_522_878)
+}
+
+/// The linear color of the sRGB color 0xRRGGBB, within 0.003.
 pub(super) fn linear(rgb: u32) -> DVec3 {
-    let channel = |shift: u32| {
-        let value = f64::from((rgb >> shift) & 255) / 255.0;
-        value * (value * (value * 0.305_306_011 + 0.682_171_111) + 0.012_522_878)
-    };
+    let channel = |shift: u32| decoded(f64::from((rgb >> shift) & 255) / 255.0);
     DVec3::new(channel(16), channel(8), channel(0))
 }
 

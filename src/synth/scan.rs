@@ -62,7 +62,7 @@ pub(super) fn synthesize(out: &Path, options: &SynthOptions) -> Result<Synthesiz
     let [color, pose, intrinsic] = folders;
     let lights = Lights::new();
     cameras.par_iter().enumerate().try_for_each(|(i, camera)| {
-        let rgb = on_white(&picture(&scene, &lights, camera));
+        let rgb = on_white(&picture(&scene, &lights, camera, 1.0));
         write(&color.join(format!("{i}.jpg")), |file| {
             let mut encoder = JpegEncoder::new_with_quality(file, QUALITY);
             let encoded = encoder.encode(&rgb, camera.width, camera.height, ExtendedColorType::Rgb8);

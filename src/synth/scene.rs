@@ -4,6 +4,7 @@
 
 use glam::{DMat3, DVec3};
 
+use super::outdoor::Ground;
 use super::portable::{cos_sin, hash};
 use super::room;
 use super::solid::{Face, Solid};
@@ -16,8 +17,8 @@ use strivec_format::geometry::{Aabb, Ray};
 pub(super) struct SyntheticScene {
     pub(super) things: Vec<Thing>,
     pub(super) surroundings: Surroundings,
-    /// The seed of the hills' shape and the meadow's pattern; `None` without a meadow.
-    pub(super) meadow: Option<u64>,
+    /// What the solids stand on outdoors.
+    pub(super) ground: Option<Ground>,
 }
 
 /// The intersection of a ray with the scene.
@@ -30,7 +31,7 @@ pub(super) struct Hit<'a> {
 impl SyntheticScene {
     /// The still life with textures of `seed`.
     pub(super) fn new(seed: u64) -> Self {
-        let mut scene = Self { things: Vec::new(), surroundings: Surroundings::None, meadow: None };
+        let mut scene = Self { things: Vec::new(), surroundings: Surroundings::None, ground: None };
         let mut add = |solid, texture| {
             let texture_seed = hash(seed, scene.things.len() as u64);
             scene.things.push(Thing { solid, texture, texture_seed, lets_light_through: false });
@@ -46,8 +47,12 @@ impl SyntheticScene {
 
     /// The still life and its surroundings, with textures of `seed`, a dataset's.
     pub(super) fn within(surroundings: Surroundings, seed: u64) -> Self {
-        let meadow = (surroundings == Surroundings::Meadow).then(|| hash(seed, 6));
-        let mut scene = Self { surroundings, meadow, ..Self::new(hash(seed, 0)) };
+        let ground = match surroundings {
+            Surroundings::Meadow => Some(Ground::Meadow(hash(seed, 6))),
+            Surroundings::Floor => Some(Ground::Floor),
+            Surroundings::None | Surroundings::Room => None,
+        };
+        let mut scene = Self { surroundings, ground, ..Self::new(hash(seed, 0)) };
         if surroundings == Surroundings::Room {
             scene.things.extend(room::things(hash(seed, 7)));
         }

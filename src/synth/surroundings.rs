@@ -8,6 +8,8 @@ pub enum Surroundings {
     None,
     /// A meadow without an edge, far hills and a sky.
     Meadow,
+    /// A plain floor of one color without an edge, and a sky, in photographs whose exposures differ by up to a stop.
+    Floor,
     /// A closed room, with cameras in it.
     Room,
 }

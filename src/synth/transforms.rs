@@ -23,10 +23,23 @@ pub(super) fn write_blender(out: &Path, photographs: &[PlannedPicture]) -> Resul
     Ok(())
 }
 
-/// Writes `transforms.json` with the camera's keys at the top, the splits as lists, and `points.ply` as its points.
-pub(super) fn write_transforms(out: &Path, photographs: &[PlannedPicture], model: CameraModel) -> Result<(), Error> {
+/// Writes `transforms.json` with the camera's keys at the top, the splits as lists, and `points.ply` as its points. If it
+/// `has_depths`, it names the depth maps.
+pub(super) fn write_transforms(
+    out: &Path,
+    photographs: &[PlannedPicture],
+    model: CameraModel,
+    has_depths: bool,
+) -> Result<(), Error> {
     let camera = &photographs[0].camera;
-    let frames: Vec<_> = photographs.iter().map(|photograph| frame(photograph, &photograph.file)).collect();
+    let frame = |photograph: &PlannedPicture| {
+        let mut frame = frame(photograph, &photograph.file);
+        if has_depths {
+            frame["depth_file_path"] = json!(photograph.depth_file());
+        }
+        frame
+    };
+    let frames: Vec<_> = photographs.iter().map(frame).collect();
     let mut json = json!({
         "camera_model": model.colmap_name(),
         "w": camera.width,
@@ -42,6 +55,9 @@ pub(super) fn write_transforms(out: &Path, photographs: &[PlannedPicture], model
     }
     for &(key, value) in model.coefficients() {
         json[key] = json!(value);
+    }
+    if has_depths {
+        json["integer_depth_scale"] = json!(1.0);
     }
     for split in Split::ALL {
         let of_split = photographs.iter().filter(|photograph| photograph.split == split);

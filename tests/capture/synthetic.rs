@@ -383,6 +383,32 @@ fn outdoors_every_pixel_is_opaque_and_its_distance_is_known() {
 }
 
 #[test]
+fn before_a_plain_floor_exposures_differ_and_depth_maps_are_of_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let (surroundings, layout) = (Surroundings::Floor, SynthLayout::Transforms);
+    let options = SynthOptions { surroundings, layout, views: 6, test_views: 2, size: [40, 30], ..OPTIONS };
+    synthesize(folder.path(), &options).unwrap();
+    let is_on_floor = |point: &DVec3| (point.z + 0.86).abs() < 1e-4;
+    for (view, distances) in distances(folder.path()) {
+        let places: Vec<DVec3> = view.camera.rays(0..30).zip(&distances).map(|(ray, &t)| ray.unwrap().at(t)).collect();
+        assert!(places.iter().all(|place| !place.is_finite() || place.z > -0.861));
+        assert!(places.iter().filter(|place| is_on_floor(place)).count() > 200);
+    }
+    let dataset = load(folder.path(), "train", &LoadOptions::default()).unwrap();
+    assert!(dataset.depth_maps.len() >= 6, "{}", dataset.depth_maps.len());
+    for map in &dataset.depth_maps {
+        let points = map.points(10_000).unwrap();
+        assert!(
+            points.iter().all(|point| point.z > -0.861) && points.iter().filter(|at| is_on_floor(at)).count() > 200
+        );
+    }
+    // The lower left corner is on the floor, away from shadows.
+    let corners = dataset.views.iter().map(|view| view.pixels.color(29 * 40, [0.0; 3])[1]);
+    let (least, most) = corners.fold((1.0_f32, 0.0_f32), |(least, most), v| (least.min(v), most.max(v)));
+    assert!(most > 1.1 * least && most < 0.99, "{least} to {most}");
+}
+
+#[test]
 fn a_room_is_closed_and_its_sparse_points_are_what_cameras_see() {
     let folder = tempfile::tempdir().unwrap();
     let (surroundings, layout) = (Surroundings::Room, SynthLayout::Colmap);
