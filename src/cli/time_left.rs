@@ -8,8 +8,8 @@ const WINDOW: Duration = Duration::from_secs(60);
 /// The least time between two points of the record.
 const PITCH: Duration = Duration::from_secs(1);
 
-/// The most of what is done that an estimate is a multiple of, so that it is a time.
-const MOST: f64 = 1e6;
+/// The pieces of the record from which a speed is known: one of three may have a pause in it.
+const ENOUGH: usize = 3;
 
 /// The steps of a task that were done at points of its last minute.
 #[derive(Debug, Default)]
@@ -23,19 +23,24 @@ impl TimeLeft {
         self.record.clear();
     }
 
-    /// Takes note that `done` steps are done at `now`. Returns the time that the rest of `total` takes at the speed of the last
-    /// minute; `None` in the first second, or if nothing was done.
+    /// Takes note that `done` steps are done at `now`. Returns the time that the rest of `total` takes at the median speed of
+    /// the last minute, so that a pause does not count; `None` while little is known.
     pub(super) fn after(&mut self, now: Instant, done: u64, total: u64) -> Option<Duration> {
         let since = |at: Instant| now.saturating_duration_since(at);
-        while self.record.len() > 1 && self.record.get(1).is_some_and(|&(at, _)| since(at) >= WINDOW) {
+        while self.record.len() > ENOUGH && self.record.get(1).is_some_and(|&(at, _)| since(at) >= WINDOW) {
             self.record.pop_front();
         }
-        if self.record.back().is_none_or(|&(at, _)| since(at) >= PITCH) {
+        if self.record.back().is_none_or(|&(at, before)| since(at) >= PITCH && done > before) {
             self.record.push_back((now, done));
         }
-        let &(from, before) = self.record.front()?;
-        let (time, steps) = (since(from), done.saturating_sub(before));
-        (time >= PITCH && steps > 0).then(|| time.mul_f64((total.saturating_sub(done) as f64 / steps as f64).min(MOST)))
+        let pieces = self.record.iter().zip(self.record.iter().skip(1));
+        let seconds_of_a_step = |(&(from, before), &(to, after)): (&(Instant, u64), &(Instant, u64))| {
+            to.duration_since(from).as_secs_f64() / (after - before).max(1) as f64
+        };
+        let mut seconds: Vec<f64> = pieces.map(seconds_of_a_step).collect();
+        seconds.sort_by(f64::total_cmp);
+        let middle = seconds.get(seconds.len() / 2).filter(|_| seconds.len() >= ENOUGH)?;
+        Duration::try_from_secs_f64(middle * total.saturating_sub(done) as f64).ok()
     }
 }
 
@@ -49,7 +54,8 @@ mod tests {
         let second = |n: u64| start + Duration::from_secs(n);
         assert_eq!(left.after(start, 500, 3000), None);
         // Ten steps a second, then two.
-        for n in 1..=100 {
+        assert_eq!([1, 2].map(|n| left.after(second(n), 500 + 10 * n, 3000)), [None; 2]);
+        for n in 3..=100 {
             let found = left.after(second(n), 500 + 10 * n, 3000).unwrap();
             assert_eq!(found.as_secs_f64().round(), ((2500 - 10 * n) as f64 / 10.0).round());
         }
@@ -57,10 +63,12 @@ mod tests {
             left.after(second(n), 1500 + 2 * (n - 100), 3000);
         }
         assert_eq!(left.after(second(201), 1702, 3000).unwrap().as_secs(), 649);
-        // A pause of a minute does not make hours of minutes.
-        assert!(left.after(second(261), 1702, 3000).is_none_or(|left| left.as_secs() < 100_000));
+        // A pause does not count.
+        assert_eq!(left.after(second(231), 1703, 3000).unwrap().as_secs(), 648);
         left.reset();
-        assert_eq!(left.after(second(262), 1702, 3000), None);
-        assert_eq!(left.after(second(264), 1722, 3000).unwrap().as_secs(), 127);
+        for (n, done) in [(262, 1702), (264, 1722), (294, 1723)] {
+            assert_eq!(left.after(second(n), done, 3000), None);
+        }
+        assert_eq!(left.after(second(295), 1733, 3000).unwrap().as_secs_f64().round(), 127.0);
     }
 }
