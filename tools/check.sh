@@ -166,25 +166,6 @@ step() {
     times+=("$(printf '%5d s  %s' $((SECONDS - start)) "$*")")
 }
 
-# Starts a step that runs beside those that follow.
-start_beside() {
-    beside=("$@")
-    beside_start=$SECONDS
-    "$@" >"$target/beside.log" 2>&1 &
-    beside_id=$!
-    trap 'kill "$beside_id" 2>/dev/null || true' EXIT
-}
-
-# Waits for the step of start_beside, and shows what it printed.
-end_beside() {
-    local status=0
-    wait "$beside_id" || status=$?
-    printf '\n== %s\n' "${beside[*]}"
-    cat "$target/beside.log"
-    ((status == 0)) || fail "failed: ${beside[*]}"
-    times+=("$(printf '%5d s  %s, beside the others' $((SECONDS - beside_start)) "${beside[*]}")")
-}
-
 # Programs that embed the reader build few packages.
 check_format_packages() {
     local tree=(cargo tree --locked --package strivec-format --edges "normal,build" --prefix none) count
@@ -236,22 +217,19 @@ step cargo package --package strivec-format --locked --offline --allow-dirty
 # As `cargo test` does, and the Python library besides.
 step cargo build --locked --profile test --lib --bins --examples --tests "${whole[@]}"
 step cargo test --locked "${whole[@]}"
-# The page's compiler keeps one core busy, and so do the tests beside it.
-start_beside tools/web/build.sh
+for renderer in gpu cpu memory; do
+    step "$python" tools/player/drive.py "$build/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
+done
 step cargo test --locked --package strivec-format
 step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools
 step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/lpips
 step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/measure
 step env PYTHONPATH=format-spec/reader PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover format-spec/reader/tests
-end_beside
-for renderer in gpu cpu memory; do
-    step "$python" tools/player/drive.py "$build/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
-done
+step tools/web/build.sh
 step assemble_python_package
 export PYTHONPATH=$package
-start_beside env STRIVEC_ALL_TESTS=1 "$python" -m unittest discover tools/python/tests
 step env STRIVEC="$build/strivec" STRIVEC_PACK="$build/strivec-pack" STRIVEC_PYTHON="$python" npm --prefix tools/web test
-end_beside
+step env STRIVEC_ALL_TESTS=1 "$python" -m unittest discover tools/python/tests
 
 printf '\n'
 printf '%s\n' "${times[@]}"

@@ -23,7 +23,7 @@ const PIXEL: f64 = 0.004;
 /// The color of the plain floor: a gray that is bright, but not white at any exposure.
 const FLOOR_COLOR: u32 = 0xaaa69c;
 
-/// What the solids stand on.
+/// The ground under the solids.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ground {
     /// A meadow and hills, whose shape and patterns have this seed.

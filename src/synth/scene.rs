@@ -17,7 +17,7 @@ use strivec_format::geometry::{Aabb, Ray};
 pub(super) struct SyntheticScene {
     pub(super) things: Vec<Thing>,
     pub(super) surroundings: Surroundings,
-    /// What the solids stand on outdoors.
+    /// The ground under the solids; `None` indoors and without surroundings.
     pub(super) ground: Option<Ground>,
 }
 

@@ -25,8 +25,8 @@ const MIN_VIEWS: u16 = 3;
 /// known distances, or that are much closer to a camera than what its photograph shows, unless some photograph sees a surface in
 /// them or beside them. `None` if no distance is known.
 ///
-/// The fox gains 0.4 dB and trains in 0.83 of the time, bonsai 0.5 dB in 0.95; close cells that are empty give a can 0.1 dB and
-/// save a tenth of its time (docs/experiments/2026-11-30-captures.md).
+/// The fox gains 0.4 dB and trains in 0.83 of the time, bonsai 0.5 dB in 0.95; a can has 0.1 dB more in 0.92
+/// of the time by cells close to cameras (docs/experiments/2026-11-30-captures.md).
 pub fn carved(scene: &Scene, views: &[Photograph]) -> Option<Occupancy> {
     if views.iter().all(|view| view.distances.is_empty()) {
         return None;

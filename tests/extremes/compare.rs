@@ -23,10 +23,6 @@ pub(crate) enum Way {
 impl Way {
     pub(crate) const ALL: &[Self] = &[Self::CpuF64, Self::CpuF32, Self::GpuF32, Self::GpuF16];
 
-    /// The renderers that find places in different ways, which do not depend on the precision of factors: compiling shaders is
-    /// slow.
-    pub(crate) const OF_PLACES: &[Self] = &[Self::CpuF64, Self::CpuF32, Self::GpuF32];
-
     /// A generous bound of the relative rounding error of positions.
     pub(crate) fn rounding(self) -> f64 {
         if self == Self::CpuF64 { 1e-15 } else { 2.0 * f64::from(f32::EPSILON) }

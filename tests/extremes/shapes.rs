@@ -23,7 +23,7 @@ fn kinds_and_modes() -> impl Iterator<Item = (FactorKind, DecoderMode)> {
 fn world_scales_from_a_millionth_to_a_million_give_the_same_picture() {
     for (kind, factor) in KINDS.into_iter().flat_map(|kind| [1e-6, 1e-3, 1.0, 1e3, 1e6].map(|factor| (kind, factor))) {
         let scene = moved(ordinary(kind, DecoderMode::PerSample), factor, DVec3::ZERO);
-        within(&format!("{kind:?}, world scale {factor:e}"), &scene, &rays_through(&scene, 400), Way::OF_PLACES, 1.0);
+        within(&format!("{kind:?}, world scale {factor:e}"), &scene, &rays_through(&scene, 400), Way::ALL, 1.0);
     }
 }
 
@@ -31,7 +31,7 @@ fn world_scales_from_a_millionth_to_a_million_give_the_same_picture() {
 fn scenes_a_million_units_from_the_origin_give_the_same_picture() {
     for (kind, mode) in kinds_and_modes() {
         let scene = moved(ordinary(kind, mode), 1.0, DVec3::new(1e6, -1e6, 1e6));
-        within("1e6 from the origin", &scene, &rays_through(&scene, 400), Way::OF_PLACES, 1.0);
+        within("1e6 from the origin", &scene, &rays_through(&scene, 400), Way::ALL, 1.0);
     }
 }
 
@@ -42,7 +42,7 @@ fn slivers_of_one_to_a_thousand_give_the_same_picture() {
         let centers = lattice([4, 4, 4], 0.4 * thin);
         let made = Made { centers, half: 0.3 * thin, step: 0.002, distance_scale: 30.0, ..Made::default() };
         let scene = made.scene(&random);
-        within(&format!("sliver across axis {n}"), &scene, &rays_through(&scene, 300), Way::OF_PLACES, 1.0);
+        within(&format!("sliver across axis {n}"), &scene, &rays_through(&scene, 300), Way::ALL, 1.0);
         // A needle: thin on the two other axes, many tensors long.
         let needle = 0.001 * DVec3::ONE + 0.999 * axis;
         let counts = [axis.x, axis.y, axis.z].map(|a| if a > 0.0 { 2000 } else { 2 });
@@ -64,7 +64,7 @@ fn slivers_of_one_to_a_thousand_give_the_same_picture() {
         }
         let mut scene = scene;
         scene.frame.far = 0.1;
-        within(&format!("needle along axis {n}, {needle}"), &scene, &rays, Way::OF_PLACES, 3.0);
+        within(&format!("needle along axis {n}, {needle}"), &scene, &rays, Way::ALL, 3.0);
     }
 }
 
@@ -77,10 +77,13 @@ fn one_tensor_and_the_largest_and_smallest_ranks_and_resolutions() {
             let factors = if kind == FactorKind::Cp { 3.0 } else { 2.0 };
             let share = f64::from(ranks[0]).powf(-0.5 / factors);
             let scene = made.scene(&|_, _, normal| 0.9 * share * normal);
-            // Factors are read in the same way in all modes.
-            let ways = if mode == DecoderMode::PerSample { Way::ALL } else { Way::OF_PLACES };
-            let name = format!("{kind:?}, rank {ranks:?}, resolution {resolution}");
-            within(&name, &scene, &rays_through(&scene, 200), ways, 1.0);
+            within(
+                &format!("{kind:?}, rank {ranks:?}, resolution {resolution}"),
+                &scene,
+                &rays_through(&scene, 200),
+                Way::ALL,
+                1.0,
+            );
         }
     }
 }
@@ -98,8 +101,7 @@ fn a_million_tensors_give_the_same_picture() {
         ..Made::default()
     };
     let scene = made.scene(&random);
-    // Where tensors are does not depend on the precision of factors.
-    within("a million tensors", &scene, &rays_through(&scene, 300), &[Way::CpuF32, Way::GpuF32], 2.0);
+    within("a million tensors", &scene, &rays_through(&scene, 300), Way::ALL, 2.0);
 }
 
 #[test]
