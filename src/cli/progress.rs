@@ -47,8 +47,9 @@ impl<'a> Progress<'a> {
     /// Shows `done` steps and `detail`, such as "41000 rays/s, train 28.31 dB".
     pub(super) fn set(&self, done: u64, detail: impl Fn() -> String) {
         let total = self.bar.length().unwrap_or(done);
-        let left = self.time_left().after(Instant::now(), done, total);
+        self.time_left().note(Instant::now(), done);
         let text = || {
+            let left = self.time_left().of(total.saturating_sub(done));
             let left = left.map_or_else(String::new, |left| format!(", {} left", HumanDuration(left)));
             format!("{}{left}", with_comma(&detail()))
         };

@@ -15,13 +15,18 @@ impl Trainer<'_> {
     /// PSNR of the current scene on rays of the photographs, in dB, with their exposures: the same rays on every call, while
     /// the same are active.
     pub fn psnr(&self) -> f64 {
-        self.measuring_rays(&self.field).psnr(&self.field, self.checkpoint.exposures.maps())
+        self.psnr_along(&self.measuring_rays(&self.field), &self.field)
     }
 
     /// PSNR of another `scene` on the rays of [`Trainer::psnr`], in dB.
     pub fn psnr_of(&self, scene: &Scene) -> f64 {
         let field = Field::unlimited(scene);
-        self.measuring_rays(&field).psnr(&field, self.checkpoint.exposures.maps())
+        self.psnr_along(&self.measuring_rays(&field), &field)
+    }
+
+    /// PSNR of `field` on `rays`, in dB, with the exposures of the photographs.
+    fn psnr_along(&self, rays: &RayBatch, field: &Field<f32>) -> f64 {
+        rays.psnr(field, self.checkpoint.exposures.maps())
     }
 
     fn measuring_rays(&self, field: &Field<f32>) -> RayBatch {
@@ -58,7 +63,7 @@ impl Trainer<'_> {
     /// If it is the coarsest scale, the march's step grows with its cells.
     fn give_up_cells(&mut self, ranking: &Ranking, round: u32) -> bool {
         let rays = self.measuring_rays(&self.field);
-        let before = rays.psnr(&self.field, self.checkpoint.exposures.maps());
+        let before = self.psnr_along(&rays, &self.field);
         let mut best: Option<(f64, usize)> = None;
         for s in 0..self.field.scales.len() {
             let scale = &self.field.scales[s];
@@ -75,7 +80,7 @@ impl Trainer<'_> {
             // factors at once.
             let kept = (self.field.scales[s].clone(), self.field.rules.step);
             self.set_cells(s, to);
-            let rise = 10f64.powf(0.1 * (before - rays.psnr(&self.field, self.checkpoint.exposures.maps())));
+            let rise = 10f64.powf(0.1 * (before - self.psnr_along(&rays, &self.field)));
             (self.field.scales[s], self.field.rules.step) = kept;
             self.scene.scales[s].cloud.resolution = from;
             let per_parameter = (rise - 1.0) / saved as f64;

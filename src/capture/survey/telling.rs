@@ -18,63 +18,55 @@ pub struct Given {
     pub unbounded: bool,
 }
 
-/// A line of a survey. Settings have the names of [`named_by`](strivec_format::named_by).
-#[derive(Clone, Debug)]
-pub struct Line<'a> {
-    survey: &'a Survey,
-    given: Given,
-    text: fn(&Survey, Given) -> String,
+/// A line of a survey. Its option has the name of [`named_by`](strivec_format::named_by).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Line {
+    text: String,
+    /// The option that decides otherwise, and what it does.
+    option: Option<(&'static str, &'static str)>,
 }
 
-impl fmt::Display for Line<'_> {
+impl fmt::Display for Line {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&(self.text)(self.survey, self.given))
+        f.write_str(&self.text)?;
+        let Some((option, does)) = self.option else { return Ok(()) };
+        write!(f, " ({} {does})", OptionName(option))
     }
 }
 
 impl Survey {
     /// At most six lines for people, each with a label: what is in the survey and why. Of remarks, the first is told.
-    pub fn lines(&self, given: Given) -> Vec<(&'static str, Line<'_>)> {
-        let line = |text| Line { survey: self, given, text };
-        let mut lines = vec![
-            ("kind", line(|survey: &Self, _| survey.kind.to_string())),
-            ("rays", line(Self::rays)),
-            ("space", line(Self::space)),
-        ];
-        if self.footprints.is_some() {
-            lines.push(("detail", line(Self::detail)));
+    pub fn lines(&self, given: Given) -> Vec<(&'static str, Line)> {
+        let plain = |text| Line { text, option: None };
+        let mut lines =
+            vec![("kind", plain(self.kind.to_string())), ("rays", self.rays(given)), ("space", self.space(given))];
+        if let Some(footprints) = self.footprints {
+            let [near, middle, far] = footprints.map(|width| digits(width, width));
+            let text = format!("a pixel is {middle} wide at half of what is seen, {near} to {far} at most of it");
+            lines.push(("detail", Line { text, option: Some(("downscale", "makes photographs smaller")) }));
         }
-        if !self.remarks.is_empty() {
-            lines.push(("doubtful", line(Self::doubts)));
+        if let Some((first, others)) = self.remarks.split_first() {
+            let rest = if others.is_empty() { String::new() } else { format!("; {} more", others.len()) };
+            lines.push(("doubtful", plain(format!("{first}{rest}"))));
         }
         lines
     }
 
-    fn detail(&self, _: Given) -> String {
-        let [near, middle, far] = self.footprints.unwrap_or_default().map(|width| digits(width, width));
-        let text = format!("a pixel is {middle} wide at half of what is seen, {near} to {far} at most of it");
-        format!("{text} ({} makes photographs smaller)", OptionName("downscale"))
-    }
-
-    fn doubts(&self, _: Given) -> String {
-        let Some((first, others)) = self.remarks.split_first() else { return String::new() };
-        let rest = if others.is_empty() { String::new() } else { format!("; {} more", others.len()) };
-        format!("{first}{rest}")
-    }
-
-    fn rays(&self, given: Given) -> String {
+    fn rays(&self, given: Given) -> Line {
         let [near, far] = self.near_far.map(|end| digits(end, self.near_far[1]));
+        if given.near_far {
+            return Line { text: format!("from {near} to {far}, as the settings say"), option: None };
+        }
         let why = match self.basis {
-            _ if given.near_far => return format!("from {near} to {far}, as the settings say"),
             Basis::Distances => "what the photographs show lies between",
             Basis::Points => "the dataset's points lie between",
             Basis::Files => "by the dataset's files",
             Basis::Cameras => "by where the cameras look, as nothing else is known",
         };
-        format!("from {near} to {far}: {why} ({} sets it)", OptionName("space.near_far"))
+        Line { text: format!("from {near} to {far}: {why}"), option: Some(("space.near_far", "sets it")) }
     }
 
-    fn space(&self, given: Given) -> String {
+    fn space(&self, given: Given) -> Line {
         let place = |bounds: &Aabb| {
             let unit = bounds.size().max_element();
             let corner = |at: DVec3| at.to_array().map(|v| digits(v, unit)).join(" ");
@@ -85,22 +77,22 @@ impl Survey {
             (false, Some(bounds)) => format!("bounded, {}", place(bounds)),
             (false, None) => "bounded by the rays of all cameras".into(),
         };
-        let decides = format!("({} decides otherwise)", OptionName("space.unbounded"));
         let share = self.known_share.filter(|&share| share < ENOUGH_KNOWN);
         let why = match (self.width, share) {
             _ if given.unbounded => "as the settings say".into(),
             (Some(times), _) if times > WIDE => {
-                format!("photographs show what is {times:.1} times as wide as where the cameras look {decides}")
+                format!("photographs show what is {times:.1} times as wide as where the cameras look")
             }
             (_, Some(share)) => {
-                format!("where {:.0} % of the photographs' pixels are is not known {decides}", 100.0 * (1.0 - share))
+                format!("where {:.0} % of the photographs' pixels are is not known", 100.0 * (1.0 - share))
             }
             (Some(times), None) => {
-                format!("what photographs show is {times:.1} times as wide as where the cameras look {decides}")
+                format!("what photographs show is {times:.1} times as wide as where the cameras look")
             }
-            (None, None) => format!("what is farther is not known {decides}"),
+            (None, None) => "what is farther is not known".into(),
         };
-        format!("{what}: {why}")
+        let option = (!given.unbounded).then_some(("space.unbounded", "decides otherwise"));
+        Line { text: format!("{what}: {why}"), option }
     }
 }
 

@@ -53,10 +53,9 @@ pub struct DeadComponents {
     pub psnr_after: f64,
 }
 
-/// Writes zeros over the dead components of `scene`, which was trained on the photographs of `sampler`, of which \[view\] `maps` lead from
-/// the scene's colors to theirs (none if empty). The same scene,
-/// photographs and `seed` always give the same result, on any number of threads. The scene stays as it is if no
-/// component is dead, or if pruning would cost more than [`MAX_LOSS`].
+/// Writes zeros over the dead components of `scene`, which was trained on the photographs of `sampler`; \[view\] `maps` lead
+/// from the scene's colors to theirs, none if empty. The same scene, photographs and `seed` always give the same result, on any
+/// number of threads. The scene stays as it is if no component is dead, or if pruning would cost more than [`MAX_LOSS`].
 ///
 /// # Errors
 ///
