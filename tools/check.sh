@@ -166,6 +166,23 @@ step() {
     times+=("$(printf '%5d s  %s' $((SECONDS - start)) "$*")")
 }
 
+# Runs two functions of steps at the same time, as neither keeps two cores busy; the second's words follow the first's.
+side_by_side() {
+    local words second passed=true
+    words=$(mktemp)
+    { times=() && "$2" && printf '%s\n' "${times[@]}" >"$words.times"; } >"$words" 2>&1 &
+    second=$!
+    # A failure of the first ends the second.
+    trap 'kill "$second" 2>/dev/null' EXIT
+    "$1"
+    wait "$second" || passed=false
+    trap - EXIT
+    cat "$words"
+    $passed || exit 1
+    mapfile -t -O "${#times[@]}" times <"$words.times"
+    rm "$words" "$words.times"
+}
+
 # Programs that embed the reader build few packages.
 check_format_packages() {
     local tree=(cargo tree --locked --package strivec-format --edges "normal,build" --prefix none) count
@@ -217,19 +234,31 @@ step cargo package --package strivec-format --locked --offline --allow-dirty
 # As `cargo test` does, and the Python library besides.
 step cargo build --locked --profile test --lib --bins --examples --tests "${whole[@]}"
 step cargo test --locked "${whole[@]}"
-for renderer in gpu cpu memory; do
-    step "$python" tools/player/drive.py "$build/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
-done
-step cargo test --locked --package strivec-format
-step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools
-step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/lpips
-step env PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover tools/measure
-step env PYTHONPATH=format-spec/reader PYTHONDONTWRITEBYTECODE=1 "$python" -m unittest discover format-spec/reader/tests
-step tools/web/build.sh
+export PYTHONDONTWRITEBYTECODE=1
+small_parts() {
+    local renderer
+    for renderer in gpu cpu memory; do
+        step "$python" tools/player/drive.py "$build/strivec-player" fixtures/v1/occupancy.strivec --renderer "$renderer"
+    done
+    step cargo test --locked --package strivec-format
+    step "$python" -m unittest discover tools
+    step "$python" -m unittest discover tools/lpips
+    step "$python" -m unittest discover tools/measure
+    step env PYTHONPATH=format-spec/reader "$python" -m unittest discover format-spec/reader/tests
+}
+page_build() {
+    step tools/web/build.sh
+}
+side_by_side small_parts page_build
 step assemble_python_package
 export PYTHONPATH=$package
-step env STRIVEC="$build/strivec" STRIVEC_PACK="$build/strivec-pack" STRIVEC_PYTHON="$python" npm --prefix tools/web test
-step env STRIVEC_ALL_TESTS=1 "$python" -m unittest discover tools/python/tests
+python_tests() {
+    step env STRIVEC_ALL_TESTS=1 "$python" -m unittest discover tools/python/tests
+}
+page_tests() {
+    step env STRIVEC="$build/strivec" STRIVEC_PACK="$build/strivec-pack" STRIVEC_PYTHON="$python" npm --prefix tools/web test
+}
+side_by_side python_tests page_tests
 
 printf '\n'
 printf '%s\n' "${times[@]}"
