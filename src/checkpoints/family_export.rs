@@ -108,7 +108,7 @@ fn of_box(scene: &Scene, bounds: &Aabb) -> Value<'static> {
 
 /// A bit for each vertex, most significant first.
 fn mask(occupancy: &Occupancy) -> Value<'static> {
-    let count = occupancy.vertices.as_usizevec3().element_product();
+    let count = occupancy.vertices.as_u64vec3().element_product() as usize;
     let mut bytes = vec![0u8; count.div_ceil(8)];
     for n in (0..count).filter(|n| occupancy.words[n / 64] >> (n % 64) & 1 == 1) {
         bytes[n / 8] |= 1 << (7 - n % 8);

@@ -65,7 +65,7 @@ impl DvgoGrid {
     }
 
     fn count(&self) -> usize {
-        self.voxels.as_usizevec3().element_product()
+        self.voxels.as_u64vec3().element_product() as usize
     }
 
     /// The place of `voxel` in an array \[x\]\[y\]\[z\].

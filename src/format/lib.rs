@@ -21,6 +21,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod binary16;
 pub mod color;
 pub mod color_map;
 pub mod container;

@@ -3,8 +3,6 @@
 use std::borrow::Cow;
 use std::fmt::Display;
 
-use half::f16;
-
 use super::codec::adaptive::{self, ArrayShape, Groups};
 use super::encoding::{ArrayOptions, Encoding, Filter, GRID_BITS, integers, largest, step, step_code, write_integers};
 use super::error::Error;
@@ -12,6 +10,7 @@ use super::limits::Budget;
 use super::payload::Body;
 use super::record::{BorrowDecode, Encode};
 use super::writer::{Compression, FinishedSection, SectionPlace, Writer};
+use crate::binary16;
 
 /// The codes of an array, at the end of its section's record; 4 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, BorrowDecode)]
@@ -52,8 +51,8 @@ pub(super) fn write(
     match encoding {
         Encoding::F32 => body.extend(values.iter().flat_map(|v| v.to_le_bytes())),
         Encoding::F16 => {
-            within(f16::MAX.into(), &|v| f16::from_f32(v).is_infinite())?;
-            body.extend(values.iter().flat_map(|&v| f16::from_f32(v).to_le_bytes()));
+            within(binary16::LARGEST, &|v| binary16::value_of(binary16::bits_of(v)).is_infinite())?;
+            body.extend(values.iter().flat_map(|&v| binary16::bits_of(v).to_le_bytes()));
         }
         Encoding::Grid(bits) => {
             let found;
@@ -185,7 +184,9 @@ pub(super) fn read(
     let mut values = Vec::with_capacity(numbers.len() / encoding.width());
     match encoding {
         Encoding::F32 => values.extend(numbers.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b))),
-        Encoding::F16 => values.extend(numbers.as_chunks().0.iter().map(|&b| f16::from_le_bytes(b).to_f32())),
+        Encoding::F16 => {
+            values.extend(numbers.as_chunks().0.iter().map(|&b| binary16::value_of(u16::from_le_bytes(b))))
+        }
         Encoding::Grid(bits) => {
             let width = encoding.width();
             let most = largest(bits) as i16;

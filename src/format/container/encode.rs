@@ -2,8 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use half::f16;
-
 use super::codec::Codec;
 use super::encoding::{ArrayOptions, Encoding, Filter};
 use super::error::Error;
@@ -14,6 +12,7 @@ use super::{
     chunks, decoder, factors, frame, limits, matrix, occupancy, parallel, placement, prefix, probes, provenance, rules,
     scale, table,
 };
+use crate::binary16;
 use crate::model::{Block, Factors, Form, Placement, Scale, Scene};
 
 /// Choices of the writer; the same scene with the same choices gives the same bytes.
@@ -111,7 +110,7 @@ impl EncodeOptions {
     /// Floats: 16 bits where that loses nothing of `scene`, else 32 bits.
     pub fn lossless(scene: &Scene) -> Self {
         let factors = scene.scales.iter().flat_map(|scale| scale.factors.blocks().map(|block| &block.values));
-        let is_half = |value: &f32| f16::from_f32(*value).to_f32().to_bits() == value.to_bits();
+        let is_half = |value: &f32| binary16::value_of(binary16::bits_of(*value)).to_bits() == value.to_bits();
         Self::uniform(if factors.flatten().all(is_half) { Encoding::F16 } else { Encoding::F32 })
     }
 }

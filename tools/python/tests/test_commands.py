@@ -110,9 +110,15 @@ class Commands(unittest.TestCase):
             prior = [{str(dataset / "mesh.ply")!r}]
             strivec.train({str(dataset)!r}, {str(file)!r}, preset="fast", steps=100000, prior=prior, callback=told)
         """
+        # What shells start in the background ignores the signal, and so do its children.
         process = subprocess.Popen(
-            [sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [sys.executable, "-c", textwrap.dedent(code)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
+        self.addCleanup(process.kill)
         self.assertEqual(process.stdout.readline(), "begun\n")
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=120)
