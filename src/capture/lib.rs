@@ -5,9 +5,10 @@
 //! geometry as a stream of triangles, points and cells, ScanNet's scans, depth maps and checkpoints of PyTorch included.
 #![forbid(unsafe_code)]
 
-pub mod dataset;
 mod depth_points;
 pub mod geometry;
 pub mod prior;
 mod scan_mesh;
 pub mod survey;
+
+pub use strivec_dataset as dataset;

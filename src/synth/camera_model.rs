@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::pictures::CAMERA_ANGLE;
 use super::portable::cos_sin;
-use strivec_capture::dataset::{Focal, Intrinsics, lens_of};
+use strivec_dataset::{Focal, Intrinsics, lens_of};
 use strivec_format::geometry::{Camera, Lens};
 
 strivec_format::named! {

@@ -13,8 +13,8 @@ use super::options::write;
 use super::points::SurfacePoint;
 use super::scene::SyntheticScene;
 use crate::Error;
-use strivec_capture::dataset::OPENGL_FROM_OPENCV;
-use strivec_capture::dataset::model_number;
+use strivec_dataset::OPENGL_FROM_OPENCV;
+use strivec_dataset::model_number;
 use strivec_format::geometry::{Camera, Ray};
 
 /// The number of the one camera.

@@ -1,9 +1,9 @@
 //! Layouts of synthetic datasets, and the views in them.
 
 use super::camera_model::CameraModel;
-use strivec_capture::dataset::Layout;
-use strivec_capture::dataset::Split;
-use strivec_capture::dataset::TEST_EVERY;
+use strivec_dataset::Layout;
+use strivec_dataset::Split;
+use strivec_dataset::TEST_EVERY;
 use strivec_format::geometry::Camera;
 
 /// Layouts in which synthetic datasets are written.

@@ -48,7 +48,7 @@ use self::portable::hash;
 use self::scene::SyntheticScene;
 use self::shading::Lights;
 pub use self::surroundings::Surroundings;
-use strivec_capture::dataset::Split;
+use strivec_dataset::Split;
 use strivec_format::geometry::{Camera, Ray};
 use strivec_import::npy;
 

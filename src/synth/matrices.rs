@@ -10,7 +10,7 @@ use super::layout::PlannedPicture;
 use super::options::write;
 use super::points::SurfacePoint;
 use crate::Error;
-use strivec_capture::dataset::OPENGL_FROM_OPENCV;
+use strivec_dataset::OPENGL_FROM_OPENCV;
 use strivec_format::geometry::Camera;
 use strivec_import::npy;
 

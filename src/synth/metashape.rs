@@ -7,7 +7,7 @@ use super::camera_model::CameraModel;
 use super::layout::PlannedPicture;
 use super::options::write;
 use crate::Error;
-use strivec_capture::dataset::OPENGL_FROM_OPENCV;
+use strivec_dataset::OPENGL_FROM_OPENCV;
 use strivec_format::geometry::{Camera, Projection};
 
 /// Writes `cameras.xml`: one sensor, and the cameras of one component.

@@ -20,8 +20,8 @@ use super::solid::Face;
 use super::surroundings::Surroundings;
 use super::thing::Thing;
 use crate::Error;
-use strivec_capture::dataset::OPENGL_FROM_OPENCV;
-use strivec_capture::dataset::files;
+use strivec_dataset::OPENGL_FROM_OPENCV;
+use strivec_dataset::files;
 use strivec_format::color::byte;
 use strivec_format::geometry::Camera;
 

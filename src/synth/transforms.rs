@@ -10,7 +10,7 @@ use super::layout::PlannedPicture;
 use super::options::write;
 use super::pictures::CAMERA_ANGLE;
 use crate::Error;
-use strivec_capture::dataset::Split;
+use strivec_dataset::Split;
 
 /// Writes `transforms_train.json`, `_val` and `_test`.
 pub(super) fn write_blender(out: &Path, photographs: &[PlannedPicture]) -> Result<(), Error> {

@@ -287,7 +287,7 @@ impl Error {
     }
 
     /// The error as one of reading the geometry at `path`.
-    pub(crate) fn of_geometry(self, path: &Path) -> ImportError {
+    pub fn of_geometry(self, path: &Path) -> ImportError {
         match self {
             Self::Read { path, source } => Fault::Io(source).of(&path),
             Self::Text { path, invalid } => Fault::from(invalid).of(&path),
