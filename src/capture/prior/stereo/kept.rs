@@ -1,6 +1,6 @@
 //! The planes that were found so far, as bytes: a matching goes on from them, and a whole one is not done again.
 //!
-//! `strivec planes 1`, the stage, then two lists of the photographs' planes: those that the stage begins with and those
+//! `strivec planes 2`, the stage, then two lists of the photographs' planes: those that the stage begins with and those
 //! that it has found. Of a photograph: the number of its planes, or all bits set if it is not searched yet, and for each
 //! its patch, 1/depth and slopes, 4 bytes each. Last the CRC-32 of all bytes before it.
 
@@ -10,7 +10,7 @@ use twox_hash::XxHash3_128;
 use super::plane::Plane;
 use super::shot::{PlaneMap, StereoShot};
 
-const MAGIC: &[u8] = b"strivec planes 1\n";
+const MAGIC: &[u8] = b"strivec planes 2\n";
 /// The number of planes of a photograph that is not searched yet.
 const UNSEARCHED: u32 = u32::MAX;
 /// Bytes of a plane.
@@ -41,7 +41,7 @@ impl Kept {
     }
 
     /// The name of the matching of `shots`: what it depends on is in it.
-    pub(super) fn name(shots: &[StereoShot]) -> String {
+    pub(super) fn name<'a>(shots: impl Iterator<Item = &'a StereoShot>) -> String {
         let mut hash = XxHash3_128::with_seed(0);
         hash.write(MAGIC);
         for shot in shots {

@@ -15,6 +15,7 @@ mod search;
 mod seen;
 mod shot;
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -82,20 +83,23 @@ pub(super) struct Matches {
 /// The surfaces that `views` show; there may be none. Of more than `most` views, so many are searched. They may be far
 /// away; distances are known only where photographs resolve them well. `None` if `watch` stops it.
 pub(super) fn matches(views: &[Photograph], most: usize, watch: &mut dyn MatchWatch) -> Option<Matches> {
-    let shots: Vec<StereoShot> = views.par_iter().map(StereoShot::new).collect();
-    let cameras: Vec<Camera> = shots.iter().map(|shot| shot.camera).collect();
+    let cameras: Vec<Camera> = views.par_iter().map(|view| StereoShot::camera_of(&view.camera)).collect();
     let bounds = CameraBounds::from_cameras(cameras.iter());
     let distance = 2.0 * bounds.near;
     let range = RANGE.map(|share| share * distance);
-    let count = shots.len().min(most);
-    let chosen: Vec<usize> = (0..count).map(|n| n * shots.len() / count).collect();
+    let count = views.len().min(most);
+    let chosen: Vec<usize> = (0..count).map(|n| n * views.len() / count).collect();
     // By chosen view.
     let compared: Vec<Vec<usize>> = chosen.par_iter().map(|&n| neighbors(&cameras, n, distance)).collect();
-    let search = |(&n, others): (&usize, &Vec<usize>)| {
-        DepthSearch::new(&shots[n], others.iter().map(|&m| &shots[m]), distance, range)
+    // Of thousands of photographs, many are neither searched nor compared.
+    let taking_part: BTreeSet<usize> = chosen.iter().chain(compared.iter().flatten()).copied().collect();
+    let shots: BTreeMap<usize, StereoShot> =
+        taking_part.into_par_iter().map(|n| (n, StereoShot::new(&views[n]))).collect();
+    let search = |(n, others): (&usize, &Vec<usize>)| {
+        DepthSearch::new(&shots[n], others.iter().map(|m| &shots[m]), distance, range)
     };
     let searches: Vec<DepthSearch> = chosen.par_iter().zip(&compared).map(search).collect();
-    let maps = planes(&searches, &Kept::name(&shots), watch)?;
+    let maps = planes(&searches, &Kept::name(shots.values()), watch)?;
     let compared: Vec<Vec<usize>> =
         compared.iter().map(|others| others.iter().filter_map(|m| chosen.binary_search(m).ok()).collect()).collect();
     let maps = completed(&searches, maps, &compared);

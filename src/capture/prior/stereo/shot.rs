@@ -28,8 +28,9 @@ const LANE_WEIGHTS: [f32; LANES] = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0];
 /// Places so much, in pixels, before the last column or row count as outside: they are rounded.
 const WITHIN: f64 = 0.01;
 
-/// The least standard deviation of the luminance of a patch that is searched for, and that counts as similar.
-const MIN_CONTRAST: f32 = 0.012;
+/// The least standard deviation of the luminance of a patch that is searched for, and that counts as similar: less than a step of
+/// 8 bits, which the pixels of a small picture resolve as means of several.
+const MIN_CONTRAST: f32 = 0.003;
 
 /// \[patch\] the plane that a photograph shows there, if known.
 pub(super) type PlaneMap = Vec<Option<Plane>>;
@@ -42,9 +43,14 @@ pub(super) struct StereoShot {
 }
 
 impl StereoShot {
+    /// The camera of the small picture of a photograph of `camera`.
+    pub(super) fn camera_of(camera: &Camera) -> Camera {
+        camera.downscaled(pixels_per_edge(camera)).undistorted()
+    }
+
     pub(super) fn new(view: &Photograph) -> Self {
-        let factor = view.camera.width.max(view.camera.height).div_ceil(LONG_EDGE).max(1);
-        let camera = view.camera.downscaled(factor).undistorted();
+        let factor = pixels_per_edge(&view.camera);
+        let camera = Self::camera_of(&view.camera);
         let lens = view.camera.downscaled(factor);
         let small: Vec<f32> = pixels_of(&lens)
             .map(|(x, y)| {
@@ -223,6 +229,11 @@ impl StereoShot {
         let variance = square - sum * sum / PATCH as f32;
         (variance > 0.0).then(|| product / variance.max(MIN_CONTRAST * MIN_CONTRAST * PATCH as f32).sqrt())
     }
+}
+
+/// The pixels of a photograph of `camera` along a pixel of its small picture.
+fn pixels_per_edge(camera: &Camera) -> u32 {
+    camera.width.max(camera.height).div_ceil(LONG_EDGE).max(1)
 }
 
 fn pixels_of(camera: &Camera) -> impl Iterator<Item = (u32, u32)> + use<> {
