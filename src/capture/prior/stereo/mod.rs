@@ -265,20 +265,20 @@ mod tests {
         (reach, texture(random, tile(at.x), tile(at.y)))
     }
 
-    #[test]
-    fn planes_grow_along_slanted_surfaces_and_over_patterns() {
+    /// Of the floor up to 5 away, by its sides: pixels, those with a distance, and those with a right one. Its luminance
+    /// is multiplied by `contrast`.
+    fn floor_counts(contrast: f32) -> [[i32; 3]; 2] {
         let random = Random::new(7, "texture");
         let views: Vec<Photograph> = (0..9)
             .map(|n| {
                 let position = DVec3::new(0.05 * f64::from(n % 3), 0.25 * f64::from(n - 4), 0.0);
                 let camera = Camera::looking_at([120, 96], 110.0, position, DVec3::new(4.0, 0.0, -1.0), DVec3::Z);
                 let gray = camera.rays(0..96).map(|ray| ray.unwrap());
-                let gray = gray.map(|ray| [floor(&random, ray.origin, ray.direction).1; 3]);
+                let gray = gray.map(|ray| [contrast * floor(&random, ray.origin, ray.direction).1; 3]);
                 Photograph::new(n.to_string(), camera, Pixels::opaque(gray))
             })
             .collect();
         let Matches { distances, .. } = matches(&views, 100, &mut ()).unwrap();
-        // By sides: pixels of the floor up to 5 away, those with a distance, and those with a right one.
         let mut counts = [[0; 3]; 2];
         for (view, distances) in views.iter().zip(&distances) {
             for (ray, &distance) in view.camera.rays(0..96).map(|ray| ray.unwrap()).zip(distances) {
@@ -292,9 +292,25 @@ mod tests {
             }
         }
         println!("{counts:?}");
+        counts
+    }
+
+    #[test]
+    fn planes_grow_along_slanted_surfaces_and_over_patterns() {
+        let counts = floor_counts(1.0);
         for [all, known, right] in counts {
             assert!(3 * known > 2 * all && 10 * right > 8 * known, "{counts:?}");
         }
+    }
+
+    #[test]
+    fn a_floor_of_little_contrast_is_found_and_one_without_is_not() {
+        // A standard deviation of 0.004, of one step of 8 bits.
+        let counts = floor_counts(0.02);
+        for [all, known, right] in counts {
+            assert!(2 * known > all && 10 * right > 8 * known, "{counts:?}");
+        }
+        assert!(floor_counts(0.001).iter().all(|[all, known, _]| 20 * known < *all), "of no contrast");
     }
 
     #[test]

@@ -18,7 +18,7 @@ const GROWN_BEST: usize = 2;
 const MAX_DEPTHS: usize = 320;
 
 /// The least similarity of a match, in a sweep and after it. With 0.75 for the latter, too, held-out photographs of real captures
-/// lose 1.5 dB; with 0.45, no more are right (docs/experiments/2026-11-30-captures.md).
+/// lose 1.5 dB; 0.45 is no better (docs/experiments/2026-11-30-captures.md).
 const SWEPT_SIMILARITY: f32 = 0.75;
 const GROWN_SIMILARITY: f32 = 0.6;
 /// The least lead in similarity of the best place on a ray over the other peaks.
