@@ -97,7 +97,7 @@ pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBo
     let stride = coverage_stride(dataset);
     let counts = dataset.views.par_iter().map(|view| {
         let mut counts = [0_u64; 2];
-        for_some_rays(view, stride, &scene, |ray| {
+        for_some_rays(view, stride, &scene, |ray, _| {
             counts[0] += 1;
             counts[1] += u64::from(meets(&field, ray));
         });
@@ -108,7 +108,8 @@ pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBo
 }
 
 /// `occupied`, the prior of an unbounded scene in contracted space, and the cells at the border of contracted space at which
-/// the rays of `dataset` end that meet no tensors close around it: what nothing is known of is taken to be far away.
+/// the rays of `dataset` end that meet no tensors close around it: what nothing is known of is taken to be far away. If
+/// `is_hardly_known`, so may be what each pixel without a known distance shows: its ray may meet tensors before that.
 ///
 /// # Errors
 ///
@@ -117,6 +118,7 @@ pub fn with_far_cells(
     config: &TrainConfig,
     dataset: &Dataset,
     occupied: &VoxelBoxes,
+    is_hardly_known: bool,
 ) -> Result<VoxelBoxes, PrepareError> {
     let Some(contraction) = config.model.contraction else { return Ok(occupied.clone()) };
     let scene = place_scene(&close_tensors(config), dataset, occupied)?;
@@ -126,8 +128,9 @@ pub fn with_far_cells(
     let stride = coverage_stride(dataset);
     let far = dataset.views.par_iter().map(|view| {
         let mut cells = Vec::new();
-        for_some_rays(view, stride, &scene, |ray| {
-            if !meets(&field, ray) {
+        for_some_rays(view, stride, &scene, |ray, pixel| {
+            let is_unknown = is_hardly_known && view.distances.get(pixel).is_some_and(|&distance| distance == 0.0);
+            if is_unknown || !meets(&field, ray) {
                 let end = contraction.contract(ray.at(scene.frame.far)).clamp(bounds.min, bounds.max);
                 cells.push(lattice.cell_of(end));
             }
@@ -164,13 +167,14 @@ fn coverage_stride(dataset: &Dataset) -> usize {
 }
 
 /// Calls `visit` with the rays of every `stride`th pixel of every `stride`th row of `view` that count, in the space of
-/// `scene`.
-fn for_some_rays(view: &Photograph, stride: usize, scene: &Scene, mut visit: impl FnMut(&Ray)) {
+/// `scene`, and the pixels' numbers.
+fn for_some_rays(view: &Photograph, stride: usize, scene: &Scene, mut visit: impl FnMut(&Ray, usize)) {
     let camera = view.camera.mapped(&scene.frame.model_from_dataset);
     for row in (stride as u32 / 2..camera.height).step_by(stride) {
         for column in (stride as u32 / 2..camera.width).step_by(stride) {
-            let ray = camera.ray(column, row).filter(|_| view.counts((row * camera.width + column) as usize));
-            ray.iter().for_each(&mut visit);
+            let pixel = (row * camera.width + column) as usize;
+            let ray = camera.ray(column, row).filter(|_| view.counts(pixel));
+            ray.iter().for_each(|ray| visit(ray, pixel));
         }
     }
 }
@@ -194,5 +198,39 @@ pub(super) fn frame(config: &TrainConfig, model_from_dataset: Similarity, near_f
         far,
         background: config.photographs.background,
         color_space: ColorSpace::Srgb,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use strivec_capture::dataset::Pixels;
+    use strivec_format::geometry::{Camera, Contraction, Lattice};
+
+    #[test]
+    fn what_pixels_without_a_distance_show_may_be_far_behind_what_is_known() {
+        let mut config = TrainConfig::default();
+        config.model.contraction = Some(Contraction { shell: 0.4 });
+        config.space.inner_box = Some([DVec3::NEG_ONE, DVec3::ONE]);
+        config.space.near_far = Some([0.1, 2000.0]);
+        // A plate that all rays meet.
+        let lattice = Lattice { origin: DVec3::new(-0.05, -1.0, -1.0), pitch: DVec3::splat(0.1) };
+        let plate = prior::boxes_of(&lattice, (0..400).map(|n| IVec3::new(0, n % 20, n / 20))).unwrap();
+        let camera = Camera::looking_at([16, 16], 32.0, DVec3::new(0.9, 0.0, 0.0), DVec3::ZERO, DVec3::Z);
+        let mut view = Photograph::new("a", camera, Pixels::opaque((0..256).map(|_| [0.5; 3])));
+        view.distances = (0..256).map(|n| if n < 128 { 0.9 } else { 0.0 }).collect();
+        let mut dataset = Dataset::new("plate", vec![view]);
+        let cells = |dataset: &Dataset, is_hardly_known| {
+            with_far_cells(&config, dataset, &plate, is_hardly_known).unwrap().cells.len()
+        };
+        assert_eq!(cells(&dataset, false), 400);
+        let of_half = cells(&dataset, true);
+        dataset.views[0].distances.fill(0.0);
+        let of_all = cells(&dataset, true);
+        assert!(400 < of_half && of_half < of_all, "{of_half} of half of the pixels, {of_all} of all");
+        dataset.views[0].distances.clear();
+        assert_eq!(cells(&dataset, true), 400, "a photograph that is not matched tells nothing");
     }
 }

@@ -99,6 +99,11 @@ pub struct Survey {
 }
 
 impl Survey {
+    /// True if most of the photographs' pixels have no known distance, so that what they show may be anywhere.
+    pub fn is_hardly_known(&self) -> bool {
+        is_hardly_known(self.known_share)
+    }
+
     /// Puts the names of photographs into the remarks: `of` has that of the camera of a number.
     pub fn name_cameras<'a>(&mut self, of: impl Fn(usize) -> &'a str) {
         for remark in &mut self.remarks {
@@ -247,8 +252,7 @@ pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
     let width =
         shown.or_else(|| box_of(&places)).map(|shown| shown.size().max_element() / inner_box.size().max_element());
     let known_share = shown.map(|_| evidence.known_share);
-    let is_hardly_known = known_share.is_some_and(|share| share < ENOUGH_KNOWN);
-    let is_wide = is_opaque && (width.is_some_and(|times| times > WIDE) || is_hardly_known);
+    let is_wide = is_opaque && (width.is_some_and(|times| times > WIDE) || is_hardly_known(known_share));
     let surfaces = shown.map_or_else(Vec::new, |shown| {
         let within = shown.grown(SHOWN_MARGIN * shown.size());
         let centers = points.iter().flat_map(VoxelBoxes::boxes).map(|cell| cell.center());
@@ -323,6 +327,10 @@ fn inner_box(statistics: &CameraStatistics, cameras: &[Camera], shown: &[DVec3])
         return of_cameras.union(&Aabb::around(focus, DVec3::splat(near)));
     }
     of_cameras.union(&central_box(shown, INNER_SURFACES))
+}
+
+fn is_hardly_known(known_share: Option<f64>) -> bool {
+    known_share.is_some_and(|share| share < ENOUGH_KNOWN)
 }
 
 /// The share of `points` in `bounds`.

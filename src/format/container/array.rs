@@ -185,7 +185,7 @@ pub(super) fn read(
     match encoding {
         Encoding::F32 => values.extend(numbers.as_chunks().0.iter().map(|&b| f32::from_le_bytes(b))),
         Encoding::F16 => {
-            values.extend(numbers.as_chunks().0.iter().map(|&b| binary16::value_of(u16::from_le_bytes(b))))
+            values.extend(numbers.as_chunks().0.iter().map(|&b| binary16::value_of(u16::from_le_bytes(b))));
         }
         Encoding::Grid(bits) => {
             let width = encoding.width();
