@@ -7,7 +7,7 @@ use glam::DVec3;
 use strivec_format::OptionName;
 use strivec_format::geometry::Aabb;
 
-use super::{Basis, ENOUGH_KNOWN, Survey, WIDE};
+use super::{Basis, Survey, WIDE};
 
 /// The parts of a survey that settings have said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,7 +77,7 @@ impl Survey {
             (false, Some(bounds)) => format!("bounded, {}", place(bounds)),
             (false, None) => "bounded by the rays of all cameras".into(),
         };
-        let share = self.known_share.filter(|&share| share < ENOUGH_KNOWN);
+        let share = self.known_share.filter(|_| self.is_hardly_known());
         let why = match (self.width, share) {
             _ if given.unbounded => "as the settings say".into(),
             (Some(times), _) if times > WIDE => {

@@ -91,7 +91,7 @@ pub(super) fn matches(views: &[Photograph], most: usize, watch: &mut dyn MatchWa
     let chosen: Vec<usize> = (0..count).map(|n| n * views.len() / count).collect();
     // By chosen view.
     let compared: Vec<Vec<usize>> = chosen.par_iter().map(|&n| neighbors(&cameras, n, distance)).collect();
-    // Of thousands of photographs, many are neither searched nor compared.
+    // Photographs that are neither searched nor compared take no memory.
     let taking_part: BTreeSet<usize> = chosen.iter().chain(compared.iter().flatten()).copied().collect();
     let shots: BTreeMap<usize, StereoShot> =
         taking_part.into_par_iter().map(|n| (n, StereoShot::new(&views[n]))).collect();

@@ -45,13 +45,12 @@ pub(super) struct StereoShot {
 impl StereoShot {
     /// The camera of the small picture of a photograph of `camera`.
     pub(super) fn camera_of(camera: &Camera) -> Camera {
-        camera.downscaled(pixels_per_edge(camera)).undistorted()
+        small_lens(camera).1.undistorted()
     }
 
     pub(super) fn new(view: &Photograph) -> Self {
-        let factor = pixels_per_edge(&view.camera);
-        let camera = Self::camera_of(&view.camera);
-        let lens = view.camera.downscaled(factor);
+        let (factor, lens) = small_lens(&view.camera);
+        let camera = lens.undistorted();
         let small: Vec<f32> = pixels_of(&lens)
             .map(|(x, y)| {
                 let rows = (y * factor)..((y + 1) * factor);
@@ -231,9 +230,11 @@ impl StereoShot {
     }
 }
 
-/// The pixels of a photograph of `camera` along a pixel of its small picture.
-fn pixels_per_edge(camera: &Camera) -> u32 {
-    camera.width.max(camera.height).div_ceil(LONG_EDGE).max(1)
+/// The number of pixels of a photograph of `camera` along a pixel of its small picture, and the camera of that picture with
+/// its lens.
+fn small_lens(camera: &Camera) -> (u32, Camera) {
+    let factor = camera.width.max(camera.height).div_ceil(LONG_EDGE).max(1);
+    (factor, camera.downscaled(factor))
 }
 
 fn pixels_of(camera: &Camera) -> impl Iterator<Item = (u32, u32)> + use<> {
