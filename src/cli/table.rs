@@ -1,6 +1,6 @@
 //! Tables on the terminal.
 
-pub(super) use strivec_format::digits::plural;
+pub(super) use strivec_format::digits::{plural, short};
 use strivec_format::escape::escaped;
 
 /// Text in columns: the first aligned to the left, the others to the right.
@@ -36,16 +36,6 @@ impl Table {
     }
 }
 
-/// A number of at most four significant digits, or all digits before the point, without trailing zeros.
-pub(super) fn short(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return value.to_string();
-    }
-    let decimals = (3 - value.abs().log10().floor() as i32).clamp(0, 17) as usize;
-    let text = format!("{value:.decimals$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -56,17 +46,5 @@ mod tests {
         table.row(["r_10".into(), "7.1".into()]);
         table.row(["mean".into(), "31.25".into()]);
         assert_eq!(table.text(), "view   PSNR\nr_10    7.1\nmean  31.25\n");
-    }
-
-    #[test]
-    fn one_thing_has_no_s() {
-        assert_eq!([0, 1, 1000].map(|n| plural(n, "picture")), ["0 pictures", "1 picture", "1 000 pictures"]);
-    }
-
-    #[test]
-    fn numbers_have_four_digits() {
-        let found =
-            [2.015564437074636, 0.47825338259999994, -0.949999988079071, 12345.678, 0.0, 1.5e-7, 2.0].map(short);
-        assert_eq!(found, ["2.016", "0.4783", "-0.95", "12346", "0", "0.00000015", "2"]);
     }
 }

@@ -48,7 +48,7 @@ pub use transforms::depth_maps;
 #[doc(hidden)]
 pub use {
     capture::TEST_EVERY,
-    colmap::model_number,
+    colmap::{model_number, model_pictures},
     picture::picture_size,
     picture_format::PictureFormat,
     shot::{Focal, Intrinsics, OPENGL_FROM_OPENCV, Split, lens_of},

@@ -51,6 +51,7 @@ pub use overlay::{Shading, distance_range, overlay};
 pub use placement::{ScaleShape, place_on_boxes};
 pub use sparse_voxel_tree::{FirstHit, SparseVoxelTree};
 pub use stereo::MatchWatch;
+pub use tracks::reprojection_errors;
 pub(crate) use tracks::tracked_places;
 pub use unbounded::Unbounded;
 pub use voxel_boxes::VoxelBoxes;

@@ -31,6 +31,17 @@ pub(crate) fn tracked_places(path: &Path) -> Result<Vec<DVec3>, BuildError> {
     Ok(all.step_by(stride).collect())
 }
 
+/// The mean distance of each point in the file `path` from its keypoints, in pixels, negative if it is not known.
+///
+/// # Errors
+///
+/// If the file cannot be read.
+pub fn reprojection_errors(path: &Path) -> Result<Vec<f64>, BuildError> {
+    let mut tracks = Tracks::default();
+    geometry::read(path, &ReadOptions::default(), &mut tracks)?;
+    Ok(tracks.0.iter().map(|track| track.error).collect())
+}
+
 struct Track {
     at: DVec3,
     images: u64,

@@ -5,6 +5,7 @@ use std::fmt;
 use glam::DVec3;
 
 use strivec_format::OptionName;
+use strivec_format::digits::rounded;
 use strivec_format::geometry::Aabb;
 
 use super::{Basis, Survey, WIDE};
@@ -41,7 +42,7 @@ impl Survey {
         let mut lines =
             vec![("kind", plain(self.kind.to_string())), ("rays", self.rays(given)), ("space", self.space(given))];
         if let Some(footprints) = self.footprints {
-            let [near, middle, far] = footprints.map(|width| digits(width, width));
+            let [near, middle, far] = footprints.map(|width| rounded(width, width));
             let text = format!("a pixel is {middle} wide at half of what is seen, {near} to {far} at most of it");
             lines.push(("detail", Line { text, option: Some(("downscale", "makes photographs smaller")) }));
         }
@@ -53,7 +54,7 @@ impl Survey {
     }
 
     fn rays(&self, given: Given) -> Line {
-        let [near, far] = self.near_far.map(|end| digits(end, self.near_far[1]));
+        let [near, far] = self.near_far.map(|end| rounded(end, self.near_far[1]));
         if given.near_far {
             return Line { text: format!("from {near} to {far}, as the settings say"), option: None };
         }
@@ -69,7 +70,7 @@ impl Survey {
     fn space(&self, given: Given) -> Line {
         let place = |bounds: &Aabb| {
             let unit = bounds.size().max_element();
-            let corner = |at: DVec3| at.to_array().map(|v| digits(v, unit)).join(" ");
+            let corner = |at: DVec3| at.to_array().map(|v| rounded(v, unit)).join(" ");
             format!("{} to {}", corner(bounds.min), corner(bounds.max))
         };
         let what = match (self.is_wide, &self.bounds) {
@@ -93,25 +94,5 @@ impl Survey {
         };
         let option = (!given.unbounded).then_some(("space.unbounded", "decides otherwise"));
         Line { text: format!("{what}: {why}"), option }
-    }
-}
-
-/// `value` with four digits of a number of about `unit`.
-fn digits(value: f64, unit: f64) -> String {
-    let places = (3.0 - unit.abs().max(1e-12).log10().floor()).clamp(0.0, 12.0) as usize;
-    let text = format!("{value:.places$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_have_the_digits_of_their_unit() {
-        assert_eq!(digits(1234.567, 1000.0), "1235");
-        assert_eq!(digits(1.5, 10.0), "1.5");
-        assert_eq!(digits(0.001_234_56, 0.001), "0.001235");
-        assert_eq!(digits(0.0, 0.0), "0");
     }
 }

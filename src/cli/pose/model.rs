@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use super::super::Error;
 use super::folder::{SPARSE, UNSORTED, remove};
+use strivec_capture::dataset::model_pictures;
+use strivec_capture::prior::reprojection_errors;
 
 /// A model.
 #[derive(Debug, PartialEq)]
@@ -25,7 +27,7 @@ pub(super) fn sort(capture: &Path) -> Result<bool, Error> {
     for entry in fs::read_dir(&unsorted).map_err(Error::io("read", &unsorted))? {
         let folder = entry.map_err(Error::io("read", &unsorted))?.path();
         if folder.join("images.bin").is_file() {
-            found.push((read_names(&folder)?.len(), folder));
+            found.push((model_pictures(&folder)?.len(), folder));
         }
     }
     found.sort_by(|(a, first), (b, second)| b.cmp(a).then_with(|| first.cmp(second)));
@@ -51,60 +53,8 @@ pub(super) fn read_all(capture: &Path) -> Result<Vec<Model>, Error> {
 }
 
 fn read(folder: &Path) -> Result<Model, Error> {
-    let names = read_names(folder)?;
-    let path = folder.join("points3D.bin");
-    let (points, sum) = parse(&path, |bytes| {
-        let (mut points, mut sum) = (0_u64, 0.0);
-        for _ in 0..bytes.u64()? {
-            // Number, position, color, error, track.
-            bytes.skip(8 + 24 + 3)?;
-            sum += f64::from_bits(bytes.u64()?);
-            let track = bytes.u64()?;
-            bytes.skip(track.checked_mul(8)?)?;
-            points += 1;
-        }
-        Some((points, sum))
-    })?;
-    let reprojection_error = Some(sum / points as f64).filter(|error| error.is_finite() && *error >= 0.0);
-    Ok(Model { names, points, reprojection_error })
-}
-
-/// The names in `images.bin`.
-fn read_names(folder: &Path) -> Result<BTreeSet<String>, Error> {
-    parse(&folder.join("images.bin"), |bytes| {
-        let mut names = BTreeSet::new();
-        for _ in 0..bytes.u64()? {
-            // Number, rotation, translation, camera; then the name, a zero, and the features.
-            bytes.skip(4 + 32 + 24 + 4)?;
-            let length = bytes.0.iter().position(|byte| *byte == 0)?;
-            names.insert(String::from_utf8_lossy(&bytes.0[..length]).into_owned());
-            bytes.skip(length as u64 + 1)?;
-            let features = bytes.u64()?;
-            bytes.skip(features.checked_mul(24)?)?;
-        }
-        Some(names)
-    })
-}
-
-fn parse<T>(path: &Path, read: impl FnOnce(&mut Bytes<'_>) -> Option<T>) -> Result<T, Error> {
-    let bytes = fs::read(path).map_err(Error::io("read", path))?;
-    let mut bytes = Bytes(&bytes);
-    let parsed = read(&mut bytes).filter(|_| bytes.0.is_empty());
-    parsed.ok_or_else(|| Error::Malformed(format!("{}: not a whole file of COLMAP", path.display())))
-}
-
-/// The bytes that are left.
-struct Bytes<'a>(&'a [u8]);
-
-impl Bytes<'_> {
-    fn u64(&mut self) -> Option<u64> {
-        let (first, rest) = self.0.split_first_chunk()?;
-        self.0 = rest;
-        Some(u64::from_le_bytes(*first))
-    }
-
-    fn skip(&mut self, count: u64) -> Option<()> {
-        self.0 = self.0.get(usize::try_from(count).ok()?..)?;
-        Some(())
-    }
+    let errors = reprojection_errors(&folder.join("points3D.bin"))?;
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    let reprojection_error = Some(mean).filter(|error| error.is_finite() && *error >= 0.0);
+    Ok(Model { names: model_pictures(folder)?, points: errors.len() as u64, reprojection_error })
 }

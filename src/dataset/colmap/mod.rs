@@ -6,7 +6,7 @@ mod binary;
 mod raw;
 mod text;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec3};
@@ -175,6 +175,15 @@ struct PictureFolders<'a> {
     /// The folder of pictures that were made so many times smaller.
     smaller: Option<SmallerPicture>,
     names: NamesOfFolders,
+}
+
+/// The names of the photographs that the binary model in the folder `model` has poses of.
+///
+/// # Errors
+///
+/// If its `images.bin` cannot be read.
+pub fn model_pictures(model: &Path) -> Result<BTreeSet<String>, Error> {
+    Ok(binary::images(&model.join("images.bin"))?.into_iter().map(|(_, image)| image.name).collect())
 }
 
 /// The number of the camera model `name` in binary files.
