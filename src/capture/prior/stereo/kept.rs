@@ -1,6 +1,6 @@
 //! The planes that were found so far, as bytes: a matching goes on from them, and a whole one is not done again.
 //!
-//! `strivec planes 2`, the stage, then two lists of the photographs' planes: those that the stage begins with and those
+//! `strivec planes 3`, the stage, then two lists of the photographs' planes: those that the stage begins with and those
 //! that it has found. Of a photograph: the number of its planes, or all bits set if it is not searched yet, and for each
 //! its patch, 1/depth and slopes, 4 bytes each. Last the CRC-32 of all bytes before it.
 
@@ -10,7 +10,7 @@ use twox_hash::XxHash3_128;
 use super::plane::Plane;
 use super::shot::{PlaneMap, StereoShot};
 
-const MAGIC: &[u8] = b"strivec planes 2\n";
+const MAGIC: &[u8] = b"strivec planes 3\n";
 /// The number of planes of a photograph that is not searched yet.
 const UNSEARCHED: u32 = u32::MAX;
 /// Bytes of a plane.

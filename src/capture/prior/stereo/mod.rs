@@ -76,7 +76,8 @@ impl MatchWatch for () {}
 pub(super) struct Matches {
     /// Points on the surfaces.
     pub(super) points: Vec<DVec3>,
-    /// \[view\]\[height\]\[width\] the distance along each pixel's ray, 0 if unknown; empty for a view without points.
+    /// \[view\]\[height\]\[width\] the distance along each pixel's ray, 0 if unknown; empty for a view that was not searched, and for
+    /// all if no view has points.
     pub(super) distances: Vec<Vec<f32>>,
 }
 
@@ -111,10 +112,12 @@ pub(super) fn matches(views: &[Photograph], most: usize, watch: &mut dyn MatchWa
 /// \[view\] the distances along the rays of the pixels, by the planes of those that are \[search\] `chosen`.
 fn distances(views: &[Photograph], chosen: &[usize], searches: &[DepthSearch<'_>], maps: &[PlaneMap]) -> Vec<Vec<f32>> {
     let mut distances = vec![Vec::new(); views.len()];
-    let known = (0..chosen.len()).filter(|&at| maps[at].iter().any(Option::is_some));
+    if maps.iter().flatten().all(Option::is_none) {
+        return distances;
+    }
     // The distortion of a lens costs more than all else here: it is computed once for all photographs of a camera.
     let mut groups: Vec<(Camera, Vec<usize>)> = Vec::new();
-    for at in known {
+    for at in 0..chosen.len() {
         let lens = Camera { world_from_camera: DMat3::IDENTITY, position: DVec3::ZERO, ..views[chosen[at]].camera };
         match groups.iter_mut().find(|(other, _)| *other == lens) {
             Some((_, members)) => members.push(at),
