@@ -6,6 +6,9 @@ use rayon::prelude::*;
 use strivec_field::{Field, Real, Samples, vectorized};
 use strivec_format::model::Occupancy;
 
+/// The most vertices of an occupancy, half of what a file may have: larger grids have larger cells than asked for. Those of contracted
+/// space have as fine cells far away as close by.
+const MOST_VERTICES: f64 = (1 << 27) as f64;
 /// The least opacity of one step, without the distance scale, at which a vertex is dense.
 const MIN_ALPHA: f64 = 1e-4;
 
@@ -71,6 +74,19 @@ pub(super) fn occupy_cells(occupancy: &mut Occupancy, mut cells: Vec<Vec<bool>>)
     }
 }
 
+/// The vertices of a grid of this `size`, in cells of about `cell` or of larger ones, at most [`MOST_VERTICES`].
+fn vertices_within(size: DVec3, cell: DVec3) -> UVec3 {
+    let mut times = 1.0;
+    loop {
+        let vertices = (size / (times * cell)).ceil().max(DVec3::splat(2.0));
+        let excess = vertices.element_product() / MOST_VERTICES;
+        if excess <= 1.0 {
+            return vertices.as_uvec3();
+        }
+        times *= excess.cbrt().max(1.001);
+    }
+}
+
 /// Adds the vertices of layer `z` for which `is_set`(index in the layer).
 fn set(occupancy: &mut Occupancy, z: u32, is_set: impl Fn(usize) -> bool) {
     let [width, height] = [occupancy.vertices.x, occupancy.vertices.y];
@@ -87,7 +103,7 @@ fn dense_vertices<T: Real>(
     min_depth: f64,
     around: &[DVec3],
 ) -> (Occupancy, Vec<Vec<bool>>) {
-    let vertices = (field.bounds.size() / cell).ceil().max(DVec3::splat(2.0)).as_uvec3();
+    let vertices = vertices_within(field.bounds.size(), cell);
     let grid = Occupancy::empty(field.bounds, vertices);
     let width = vertices.x as usize;
     let layer = |z: u32| {
@@ -159,6 +175,20 @@ mod tests {
             }
         }
         (occupancy, others)
+    }
+
+    #[test]
+    fn a_grid_of_very_fine_cells_has_larger_ones() {
+        assert_eq!(vertices_within(DVec3::new(4.0, 2.0, 1.0), DVec3::splat(0.1)), UVec3::new(40, 20, 10));
+        for (size, cell) in [(DVec3::splat(4.0), 0.0053), (DVec3::new(1e-9, 4.0, 4.0), 1e-6), (DVec3::splat(1e9), 1e-9)]
+        {
+            let vertices = vertices_within(size, DVec3::splat(cell)).as_dvec3();
+            let count = vertices.element_product();
+            assert!(
+                count <= MOST_VERTICES && count > 0.9 * MOST_VERTICES && vertices.min_element() >= 2.0,
+                "{vertices}"
+            );
+        }
     }
 
     #[test]
