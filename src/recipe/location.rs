@@ -73,6 +73,7 @@ fn surveyed(
     matched: &[DVec3],
 ) -> Result<(Survey, Given), Error> {
     let (cameras, shown) = (cameras(dataset), prior::shown(&dataset.views));
+    let known_shares = prior::known_shares(&dataset.views);
     let Dataset { points, bounds, range, .. } = dataset;
     let evidence = Evidence {
         cameras: &cameras,
@@ -80,7 +81,7 @@ fn surveyed(
         bounds: *bounds,
         range: *range,
         shown: &shown,
-        known_share: prior::known_share(&dataset.views),
+        known_shares: &known_shares,
         matched,
         is_opaque,
         is_plain: dataset::has_plain_background(&dataset.views),

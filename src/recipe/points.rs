@@ -25,7 +25,7 @@ pub(super) fn prior_of_points(
     survey: Survey,
     observer: &mut dyn Observer,
 ) -> Result<Option<VoxelBoxes>, Error> {
-    let is_hardly_known = survey.is_hardly_known();
+    let unknown_may_be_far = survey.unknown_may_be_far();
     let (cells, what) = match prior::cells_around(&survey.surfaces) {
         Some(cells) => (cells, "points matched between photographs"),
         None => match survey.all_points {
@@ -46,10 +46,10 @@ pub(super) fn prior_of_points(
     if !is_enough {
         return Ok(None);
     }
-    if share < ENOUGH_COVERED {
+    if is_unbounded && (share < ENOUGH_COVERED || unknown_may_be_far) {
         let photographs = &mut config.photographs;
         let degree = *photographs.sky_degree.get_or_insert(if photographs.random_background { 0 } else { SKY_DEGREE });
-        let cells = strivec_train::with_far_cells(config, dataset, &cells, is_hardly_known)?;
+        let cells = strivec_train::with_far_cells(config, dataset, &cells, unknown_may_be_far)?;
         let count = plural(cells.cells.len(), "cell");
         let sky = if degree > 0 { format!(", before a sky of degree {degree}") } else { String::new() };
         observer.message(&format_args!("prior: {count} with those where the other rays end, far away{sky}"));

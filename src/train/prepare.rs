@@ -109,7 +109,7 @@ pub fn covered_share(config: &TrainConfig, dataset: &Dataset, occupied: &VoxelBo
 
 /// `occupied`, the prior of an unbounded scene in contracted space, and the cells at the border of contracted space at which
 /// the rays of `dataset` end that meet no tensors close around it: what nothing is known of is taken to be far away. If
-/// `is_hardly_known`, so may be what each pixel without a known distance shows: its ray may meet tensors before that.
+/// `unknown_may_be_far`, so may be what each pixel without a known distance shows: its ray may meet tensors before that.
 ///
 /// # Errors
 ///
@@ -118,7 +118,7 @@ pub fn with_far_cells(
     config: &TrainConfig,
     dataset: &Dataset,
     occupied: &VoxelBoxes,
-    is_hardly_known: bool,
+    unknown_may_be_far: bool,
 ) -> Result<VoxelBoxes, PrepareError> {
     let Some(contraction) = config.model.contraction else { return Ok(occupied.clone()) };
     let scene = place_scene(&close_tensors(config), dataset, occupied)?;
@@ -129,7 +129,7 @@ pub fn with_far_cells(
     let far = dataset.views.par_iter().map(|view| {
         let mut cells = Vec::new();
         for_some_rays(view, stride, &scene, |ray, pixel| {
-            let is_unknown = is_hardly_known && view.distances.get(pixel).is_some_and(|&distance| distance == 0.0);
+            let is_unknown = unknown_may_be_far && view.distances.get(pixel).is_some_and(|&distance| distance == 0.0);
             if is_unknown || !meets(&field, ray) {
                 let end = contraction.contract(ray.at(scene.frame.far)).clamp(bounds.min, bounds.max);
                 cells.push(lattice.cell_of(end));
@@ -222,8 +222,8 @@ mod tests {
         let mut view = Photograph::new("a", camera, Pixels::opaque((0..256).map(|_| [0.5; 3])));
         view.distances = (0..256).map(|n| if n < 128 { 0.9 } else { 0.0 }).collect();
         let mut dataset = Dataset::new("plate", vec![view]);
-        let cells = |dataset: &Dataset, is_hardly_known| {
-            with_far_cells(&config, dataset, &plate, is_hardly_known).unwrap().cells.len()
+        let cells = |dataset: &Dataset, unknown_may_be_far| {
+            with_far_cells(&config, dataset, &plate, unknown_may_be_far).unwrap().cells.len()
         };
         assert_eq!(cells(&dataset, false), 400);
         let of_half = cells(&dataset, true);

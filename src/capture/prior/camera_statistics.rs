@@ -60,7 +60,7 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// The smallest of `values` that at least this `share` of them do not exceed; 0 without any.
-fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
+pub(crate) fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let before = (share * values.len() as f64).ceil() as usize;
     values.get(before.saturating_sub(1)).copied().unwrap_or(0.0)

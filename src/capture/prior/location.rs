@@ -50,11 +50,13 @@ pub fn shown(views: &[Photograph]) -> Vec<DVec3> {
     views.par_iter().filter(|view| !view.distances.is_empty()).flat_map_iter(of_view).collect()
 }
 
-/// The share of pixels with a known distance, in those of `views` that have any; 0 without any.
-pub fn known_share(views: &[Photograph]) -> f64 {
-    let all: usize = views.iter().map(|view| view.distances.len()).sum();
-    let known = views.par_iter().flat_map_iter(|view| &view.distances).filter(|distance| **distance > 0.0).count();
-    known as f64 / all.max(1) as f64
+/// \[view\] the share of its pixels with a known distance; `None` of a view in which none was looked for.
+pub fn known_shares(views: &[Photograph]) -> Vec<Option<f64>> {
+    let share = |view: &Photograph| {
+        let known = view.distances.iter().filter(|distance| **distance > 0.0).count();
+        (!view.distances.is_empty()).then(|| known as f64 / view.distances.len() as f64)
+    };
+    views.par_iter().map(share).collect()
 }
 
 /// The cells that hold `points`, about as many along the edges of their box as the coarse reconstruction has; `None` if

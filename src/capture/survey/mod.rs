@@ -7,6 +7,7 @@
 
 mod footprint;
 mod kind;
+mod open_rays;
 mod telling;
 
 pub use kind::{Classified, Kind};
@@ -19,7 +20,7 @@ use glam::DVec3;
 
 use crate::prior::{
     BuildError, CameraBounds, CameraStatistics, SPARSE_OUTLIERS, VoxelBoxes, cells_around, central_box, points_in,
-    ray_range, ray_range_of_surroundings, tracked_places,
+    quantile, ray_range, ray_range_of_surroundings, tracked_places,
 };
 use strivec_format::digits::plural;
 use strivec_format::geometry::{Aabb, Camera};
@@ -34,8 +35,15 @@ const SHOWN: f64 = 0.98;
 const SHOWN_MARGIN: f64 = 0.25;
 /// How many times longer than the inner box the box of what photographs show is in an unbounded scene.
 const WIDE: f64 = 3.0;
+/// The share of the photographs' rays that pass all that is known from which on a scene is unbounded: 2 to 8 % of captures in rooms, 15 to
+/// 42 % of those that see a sky or the end of a table (docs/experiments/2026-11-30-captures.md).
+const OPEN: f64 = 0.1;
 /// The share of the photographs' pixels with a known distance below which what the others show may be anywhere.
 const ENOUGH_KNOWN: f64 = 0.5;
+/// The share of the pixels with a known distance of a median photograph from which on photographs match, and the part of it below
+/// which a photograph matches hardly any other.
+const MATCHING: f64 = 0.1;
+const UNMATCHED: f64 = 0.1;
 /// The margin around the points' box, as a share of its size: surfaces without texture have no points.
 const POINTS_MARGIN: f64 = 0.1;
 /// The central shares, along each axis, of what photographs show and of the cameras that an inner box holds.
@@ -55,8 +63,8 @@ pub struct Evidence<'a> {
     pub range: Option<[f64; 2]>,
     /// Places that photographs show at known distances ([`prior::shown`](crate::prior::shown)).
     pub shown: &'a [DVec3],
-    /// The share of the photographs' pixels with a known distance ([`prior::known_share`](crate::prior::known_share)).
-    pub known_share: f64,
+    /// \[camera\] the share of the photograph's pixels with a known distance ([`prior::known_shares`](crate::prior::known_shares)).
+    pub known_shares: &'a [Option<f64>],
     /// Points that were matched between the photographs, some at distances that these do not resolve.
     pub matched: &'a [DVec3],
     /// Nothing shows through the photographs: they have a background.
@@ -78,10 +86,12 @@ pub struct Survey {
     pub bounds: Option<Aabb>,
     /// The inner box of the scene if it is unbounded.
     pub inner_box: Aabb,
-    /// Much of what photographs show is so far away, or at so unknown a distance, that the scene is better unbounded.
+    /// Much of what photographs show is so far away, or behind all that is known, that the scene is better unbounded.
     pub is_wide: bool,
     /// The share of the photographs' pixels whose distance is known; `None` if hardly any is.
     pub known_share: Option<f64>,
+    /// The share of the photographs' rays that meet nothing of what is known; `None` if hardly any distance is known.
+    pub open_share: Option<f64>,
     /// How many times longer than the inner box the box of nearly all that photographs show is; `None` if it is not known.
     pub width: Option<f64>,
     /// The width of a pixel at what photographs show, in the dataset's units: of the tenth of it that is nearest, of half of
@@ -99,15 +109,16 @@ pub struct Survey {
 }
 
 impl Survey {
-    /// True if most of the photographs' pixels have no known distance, so that what they show may be anywhere.
-    pub fn is_hardly_known(&self) -> bool {
-        is_hardly_known(self.known_share)
+    /// True if what pixels without a known distance show may be far away: most pixels have none, or many rays pass all that is
+    /// known.
+    pub fn unknown_may_be_far(&self) -> bool {
+        self.known_share.is_some_and(|share| share < ENOUGH_KNOWN) || is_open(self.open_share)
     }
 
     /// Puts the names of photographs into the remarks: `of` has that of the camera of a number.
     pub fn name_cameras<'a>(&mut self, of: impl Fn(usize) -> &'a str) {
         for remark in &mut self.remarks {
-            if let Remark::OddCameras { numbers, name, .. } = remark {
+            if let Remark::OddCameras { numbers, name, .. } | Remark::Unmatched { numbers, name } = remark {
                 *name = Some(of(numbers[0]).into());
             }
         }
@@ -154,6 +165,17 @@ pub enum Remark {
         name: Option<String>,
         /// How many times the first is farther from the middle than half of them.
         times: f64,
+    },
+    /// Photographs that hardly match any other; they are trained on.
+    #[error(
+        "photograph {}{} shows hardly anything that others show at the same place{}: the pose may be wrong", numbers[0],
+        in_brackets(name), others(numbers)
+    )]
+    Unmatched {
+        /// Their numbers, from 0.
+        numbers: Vec<usize>,
+        /// The path of the first, if it is known.
+        name: Option<String>,
     },
     /// No camera sees the points, or photographs show the scene elsewhere.
     #[error("{what} the points of {file}, which are not used")]
@@ -222,6 +244,7 @@ pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
     let first = numbers.first().map(|&n| statistics.times(cameras, n));
     let mut remarks: Vec<Remark> =
         first.map(|times| Remark::OddCameras { numbers, name: None, times }).into_iter().collect();
+    remarks.extend(unmatched(evidence.known_shares).map(|numbers| Remark::Unmatched { numbers, name: None }));
     let usual: Vec<Camera> = statistics.usual(cameras).copied().collect();
     let places = evidence.shown;
     let box_of =
@@ -251,10 +274,14 @@ pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
     let inner_box = inner_box(&statistics, cameras, &places);
     let width =
         shown.or_else(|| box_of(&places)).map(|shown| shown.size().max_element() / inner_box.size().max_element());
-    let known_share = shown.map(|_| evidence.known_share);
-    let is_wide = is_opaque && (width.is_some_and(|times| times > WIDE) || is_hardly_known(known_share));
-    let surfaces = shown.map_or_else(Vec::new, |shown| {
-        let within = shown.grown(SHOWN_MARGIN * shown.size());
+    let known_share = shown.map(|_| mean(evidence.known_shares.iter().flatten()));
+    let within = shown.map(|shown| shown.grown(SHOWN_MARGIN * shown.size()));
+    let open_share = within.and_then(|within| {
+        let near: Vec<DVec3> = evidence.shown.iter().copied().filter(|&at| within.contains(at)).collect();
+        Some(open_rays::open_share(&usual, &cells_around(&near)?))
+    });
+    let is_wide = is_opaque && (width.is_some_and(|times| times > WIDE) || is_open(open_share));
+    let surfaces = within.map_or_else(Vec::new, |within| {
         let centers = points.iter().flat_map(VoxelBoxes::boxes).map(|cell| cell.center());
         evidence
             .shown
@@ -285,6 +312,7 @@ pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
         inner_box,
         is_wide,
         known_share,
+        open_share,
         width,
         footprints: footprint::footprints(&usual, &places),
         points,
@@ -329,8 +357,20 @@ fn inner_box(statistics: &CameraStatistics, cameras: &[Camera], shown: &[DVec3])
     of_cameras.union(&central_box(shown, INNER_SURFACES))
 }
 
-fn is_hardly_known(known_share: Option<f64>) -> bool {
-    known_share.is_some_and(|share| share < ENOUGH_KNOWN)
+/// The numbers of the photographs that hardly match any other, where most match well; `None` if all do.
+fn unmatched(known_shares: &[Option<f64>]) -> Option<Vec<usize>> {
+    let median = quantile(known_shares.iter().flatten().copied().collect(), 0.5);
+    let is_unmatched = |share: f64| median >= MATCHING && share < UNMATCHED * median;
+    let numbers: Vec<usize> = (0..known_shares.len()).filter(|&n| known_shares[n].is_some_and(is_unmatched)).collect();
+    (!numbers.is_empty()).then_some(numbers)
+}
+
+fn is_open(open_share: Option<f64>) -> bool {
+    open_share.is_some_and(|share| share > OPEN)
+}
+
+fn mean<'a>(values: impl Iterator<Item = &'a f64> + Clone) -> f64 {
+    values.clone().sum::<f64>() / values.count().max(1) as f64
 }
 
 /// The share of `points` in `bounds`.
@@ -350,11 +390,15 @@ mod tests {
 
     use super::*;
 
+    /// Places that leave no holes between their cells.
+    const MANY: usize = 100_000;
+
+    /// Cameras around a sphere of radius 1, which fills their pictures.
     fn cameras() -> Vec<Camera> {
         (0..8)
             .map(|n| {
                 let at = 4.0 * DVec3::new(f64::from(n).cos(), f64::from(n).sin(), 0.3);
-                Camera::looking_at([64, 64], 64.0, at, DVec3::ZERO, DVec3::Z)
+                Camera::looking_at([64, 64], 200.0, at, DVec3::ZERO, DVec3::Z)
             })
             .collect()
     }
@@ -375,10 +419,14 @@ mod tests {
         file
     }
 
-    /// Places on the sphere of this radius.
+    /// Places spread evenly over the sphere of this radius (a spiral by the golden angle).
     fn places(count: usize, radius: f64) -> Vec<DVec3> {
-        let turn = |n: f64| DVec3::new((2.4 * n).cos(), (2.4 * n).sin(), (0.61 * n).sin()).normalize();
-        (0..count).map(|n| radius * turn(n as f64)).collect()
+        let of = |n: f64| {
+            let (z, turn) = (1.0 - (2.0 * n + 1.0) / count as f64, 2.399_963 * n);
+            let across = (1.0 - z * z).sqrt();
+            radius * DVec3::new(across * turn.cos(), across * turn.sin(), z)
+        };
+        (0..count).map(|n| of(n as f64)).collect()
     }
 
     #[test]
@@ -413,13 +461,14 @@ mod tests {
     #[test]
     fn evidence_that_contradicts_what_photographs_show_is_named_and_not_used() {
         let folder = tempfile::tempdir().unwrap();
-        let (cameras, places) = (cameras(), places(2000, 1.0));
+        let (cameras, places) = (cameras(), places(MANY, 1.0));
         let shown = |points, bounds| {
-            let evidence = Evidence { points, bounds, shown: &places, known_share: 0.8, ..opaque(&cameras) };
+            let evidence =
+                Evidence { points, bounds, shown: &places, known_shares: &[Some(0.8); 8], ..opaque(&cameras) };
             survey(&evidence).unwrap()
         };
         let clean = shown(None, None);
-        assert!(clean.remarks.is_empty() && !clean.is_wide && clean.surfaces.len() == 2000);
+        assert!(clean.remarks.is_empty() && !clean.is_wide && clean.surfaces.len() == MANY);
         assert!(clean.near_far[0] > 2.0 && clean.near_far[1] < 6.5, "{:?}", clean.near_far);
 
         let file = points_file(&folder, 5, DVec3::new(0.0, 9.0, 0.0));
@@ -466,6 +515,30 @@ mod tests {
     }
 
     #[test]
+    fn photographs_that_match_no_other_are_named_where_most_match() {
+        let cameras = cameras();
+        let places = places(2000, 1.0);
+        let of = |shares: [Option<f64>; 8]| {
+            survey(&Evidence { shown: &places, known_shares: &shares, ..opaque(&cameras) }).unwrap()
+        };
+        let mut found = of([0.5, 0.6, 0.04, 0.7, 0.8, 0.0, 0.2, 0.6].map(Some));
+        found.name_cameras(|n| ["a", "b", "c.jpg"][n]);
+        assert_eq!(
+            found.remarks[0].to_string(),
+            "photograph 2 (c.jpg) shows hardly anything that others show at the same place, and so does 1 other: the pose may be wrong"
+        );
+        assert!((found.known_share.unwrap() - 0.43).abs() < 1e-9);
+        assert!(
+            of([Some(0.5), Some(0.6), None, Some(0.7), None, None, None, None]).remarks.is_empty(),
+            "not looked at"
+        );
+        assert!(
+            of([0.05, 0.06, 0.0, 0.07, 0.08, 0.0, 0.02, 0.06].map(Some)).remarks.is_empty(),
+            "surfaces without texture"
+        );
+    }
+
+    #[test]
     fn cameras_at_one_place_are_refused() {
         let mut cameras = cameras();
         cameras.iter_mut().for_each(|camera| camera.position = DVec3::ONE);
@@ -480,17 +553,23 @@ mod tests {
     fn much_that_is_far_makes_a_scene_unbounded_and_a_little_does_not() {
         let cameras = cameras();
         let of = |far: usize| {
-            let shown: Vec<DVec3> = places(2000, 1.0).into_iter().chain(places(far, 60.0)).collect();
-            survey(&Evidence { shown: &shown, known_share: 0.8, ..opaque(&cameras) }).unwrap()
+            let shown: Vec<DVec3> = places(MANY, 1.0).into_iter().chain(places(far, 60.0)).collect();
+            survey(&Evidence { shown: &shown, known_shares: &[Some(0.8); 8], ..opaque(&cameras) }).unwrap()
         };
-        let (few, much) = (of(15), of(600));
+        let (few, much) = (of(MANY / 130), of(3 * MANY / 10));
         assert!(!few.is_wide && much.is_wide);
         assert!(few.bounds.unwrap().size().max_element() < 3.0, "{:?}", few.bounds);
-        assert_eq!(few.surfaces.len(), 2000, "those far outside are not in the prior");
+        assert_eq!(few.surfaces.len(), MANY, "those far outside are not in the prior");
         assert!(much.inner_box.size().max_element() < 9.0, "{:?}", much.inner_box);
-        assert_eq!(much.surfaces.len(), 2600);
-        let shown = places(2000, 1.0);
-        let hardly = Evidence { shown: &shown, known_share: 0.2, ..opaque(&cameras) };
-        assert!(survey(&hardly).unwrap().is_wide, "most pixels may show anything");
+        assert_eq!(much.surfaces.len(), MANY + 3 * MANY / 10);
+    }
+
+    #[test]
+    fn a_scene_is_unbounded_if_many_rays_pass_all_that_is_known() {
+        let cameras = cameras();
+        let of = |radius: f64| survey(&Evidence { shown: &places(MANY, radius), ..opaque(&cameras) }).unwrap();
+        let (whole, partial) = (of(1.0), of(0.6));
+        assert!(whole.open_share.unwrap() < 0.05 && !whole.is_wide, "{:?}", whole.open_share);
+        assert!(partial.open_share.unwrap() > 0.2 && partial.is_wide, "{:?}", partial.open_share);
     }
 }

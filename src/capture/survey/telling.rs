@@ -8,7 +8,7 @@ use strivec_format::OptionName;
 use strivec_format::digits::rounded;
 use strivec_format::geometry::Aabb;
 
-use super::{Basis, Survey, WIDE};
+use super::{Basis, OPEN, Survey, WIDE};
 
 /// The parts of a survey that settings have said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -78,19 +78,18 @@ impl Survey {
             (false, Some(bounds)) => format!("bounded, {}", place(bounds)),
             (false, None) => "bounded by the rays of all cameras".into(),
         };
-        let share = self.known_share.filter(|_| self.is_hardly_known());
-        let why = match (self.width, share) {
+        let why = match (self.width, self.open_share) {
             _ if given.unbounded => "as the settings say".into(),
             (Some(times), _) if times > WIDE => {
                 format!("photographs show what is {times:.1} times as wide as where the cameras look")
             }
-            (_, Some(share)) => {
-                format!("where {:.0} % of the photographs' pixels are is not known", 100.0 * (1.0 - share))
+            (_, Some(share)) if share > OPEN => {
+                format!("{:.0} % of the photographs' rays pass all that is known", 100.0 * share)
             }
-            (Some(times), None) => {
+            (Some(times), _) => {
                 format!("what photographs show is {times:.1} times as wide as where the cameras look")
             }
-            (None, None) => "what is farther is not known".into(),
+            (None, _) => "what is farther is not known".into(),
         };
         let option = (!given.unbounded).then_some(("space.unbounded", "decides otherwise"));
         Line { text: format!("{what}: {why}"), option }
