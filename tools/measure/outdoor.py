@@ -3,7 +3,7 @@
 
     strivec synth meadow --outdoor --views 140 --test-views 20
     strivec synth object --views 140 --test-views 20
-    strivec train meadow --set model.contraction.shell=0.4 -o meadow.strivec
+    strivec train meadow -o meadow.strivec
     strivec train object -o object.strivec
     tools/measure/outdoor.py meadow.strivec meadow object --out compared [--bounded object.strivec] [--downscale N]
 
