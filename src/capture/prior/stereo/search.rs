@@ -185,12 +185,15 @@ impl<'a> DepthSearch<'a> {
                 }
             }
         }
+        if best.1 < least {
+            return;
+        }
         let elsewhere = [1.0, -1.0].map(|sign| {
             let inverse = best.0.inverse + sign * ELSEWHERE * self.pixel();
             similarity(Plane { inverse, ..best.0 })
         });
         let is_everywhere = elsewhere[0].min(elsewhere[1]) > best.1 - SAME;
-        if best.1 >= least && !is_everywhere {
+        if !is_everywhere {
             grown.found[n] = Some(best);
             grown.queue.push((best.1.to_bits(), n));
         }
