@@ -58,7 +58,7 @@ def cases(arguments, toy, scene):
         return [strivec, "--force", "train", toy, "-o", folder / "a.strivec", "--checkpoint-every", "2", *settings]
 
     yield Case("train", train, ["a.strivec"], "a.strivec.state")
-    yield Case("pack", lambda folder, _: [pack, "--force", "pack", scene, "-o", folder / "a.strivec"], ["a.strivec"])
+    yield Case("pack", lambda folder, _: [pack, "--force", "pack", scene, "--effort", "0.1", "-o", folder / "a.strivec"], ["a.strivec"])
     surface = ["--resolution", "100", "--alpha", "0.001"]
     yield Case("export", lambda folder, _: [strivec, "--force", "export", FIXTURE, "-o", folder / "a.ply", *surface], ["a.ply"])
     if arguments.python:

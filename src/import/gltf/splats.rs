@@ -1,7 +1,8 @@
 //! `KHR_gaussian_splatting`: primitives whose vertices are Gaussian splats, as attributes or, by
 //! `KHR_gaussian_splatting_compression_spz_2`, as an SPZ stream.
 //!
-//! Scales are standard deviations, opacities are in \[0, 1\], rotations are x, y, z, w, colors are coefficients of degree 0, of
+//! Scales are standard deviations or, if any of a primitive is negative, their logarithms, which splat-transform wrote until
+//! June 2026. Opacities are in \[0, 1\], rotations are x, y, z, w, colors are coefficients of degree 0, of
 //! sRGB or linear colors by `colorSpace`. Kernels other than the ellipse are read as one, as the extension advises. SPZ has
 //! axes right, up, back, glTF left, up, front, so streams are turned by half a turn about y. Indices are ignored.
 
@@ -153,18 +154,17 @@ impl<'b> SplatPrimitive<'b> {
             SplatSource::Attributes(attributes) => {
                 let SplatAttributes { positions, rotations, scales, opacities, colors } = &**attributes;
                 budget.spend(positions.count)?;
-                for n in 0..positions.count as usize {
+                let splats = 0..positions.count as usize;
+                let are_logarithms = splats.clone().any(|n| scales.vector::<3>(n).iter().any(|scale| *scale < 0.0));
+                for n in splats {
                     report(n as u64, positions.count, bytes, &mut placed)?;
                     let place = || format!("splat {n} of {}", place());
                     let deviations: [f64; 3] = scales.vector(n);
-                    if let Some(negative) = deviations.into_iter().find(|scale| *scale < 0.0) {
-                        return Err(Fault::malformed(place(), "scales of at least 0, not logarithms", negative));
-                    }
                     let [x, y, z, w] = rotations.vector(n);
                     let [opacity] = opacities.vector(n);
                     let splat = Splat {
                         center: DVec3::from_array(positions.vector(n)),
-                        deviations,
+                        deviations: if are_logarithms { deviations.map(f64::exp) } else { deviations },
                         rotation: [w, x, y, z],
                         opacity,
                         color: colors.as_ref().map(|colors| self.color(colors.vector(n))),
