@@ -73,7 +73,7 @@ def stages(url, toy):
     from strivec.batch.specification import Job
 
     settings = ["sampling.batch_rays=64", "schedule.occupancy_at=[]"]
-    options = {"train": {"preset": "preview", "steps": 10, "max_params": 60_000, "keep_dead": True, "set": settings}}
+    options = {"train": {"preset": "preview", "steps": 10, "max_params": 60_000, "keep_dead": True, "set": settings}, "pack": {"effort": 0.1}}
     job, done = Job("a", str(toy), (str(toy / "occupancy.npz"),), options), []
     try:
         for name in stages.wanted(job):
