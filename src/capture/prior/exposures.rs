@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::location::known_places;
 use crate::dataset::Photograph;
 use strivec_format::geometry::Camera;
 
@@ -48,15 +49,8 @@ fn differences(views: &[Photograph], n: usize) -> Vec<(usize, f64)> {
     }
     let Camera { width, height, .. } = view.camera;
     let stride = (f64::from(width) * f64::from(height) / PLACES as f64).sqrt().ceil().max(1.0) as u32;
-    let pixels = (stride / 2..height).step_by(stride as usize);
-    let pixels = pixels.flat_map(|row| (stride / 2..width).step_by(stride as usize).map(move |column| (column, row)));
-    let places: Vec<_> = pixels
-        .filter_map(|(column, row)| {
-            let distance = f64::from(view.distances[(row * width + column) as usize]);
-            let luminance = luminance(view, column, row)?;
-            (distance > 0.0).then(|| view.camera.ray(column, row).map(|ray| (ray.at(distance), luminance)))?
-        })
-        .collect();
+    let places = known_places(&view.camera, &view.distances, stride);
+    let places: Vec<_> = places.filter_map(|([x, y], place)| Some((place, luminance(view, x, y)?))).collect();
     let of_other = |other: &Photograph| {
         let differences = places.iter().filter_map(|&(place, here)| {
             let at = other.camera.project(place).filter(|&at| other.camera.is_inside(at))?;

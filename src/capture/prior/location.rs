@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::extent::Extent;
 use super::stereo::{MatchWatch, Matches, matches};
 use super::voxels::boxes_of;
-use super::{BuildError, BuildOptions, Built, Outliers, VoxelBoxes, build};
+use super::{BuildError, BuildOptions, Built, CameraStatistics, Outliers, VoxelBoxes, build, is_open, open_share};
 use crate::dataset::Photograph;
 use strivec_format::geometry::Camera;
 
@@ -23,8 +23,17 @@ const MATCHED_VIEWS: usize = 200;
 /// Matches points between opaque photographs with known poses (`stereo.rs`), and sets the views' distances to them. Of
 /// many photographs, some are compared with all. Returns the points, in the dataset's space, which may be far away; `None`
 /// if `watch` stops it.
+///
+/// What looks the same at other depths, too, is a wall if nearly all rays meet something that is known without it; if many pass
+/// all of it, it may be a sky, and is left out.
 pub fn match_points(views: &mut [Photograph], watch: &mut dyn MatchWatch) -> Option<Vec<DVec3>> {
-    let Matches { points, distances } = matches(views, MATCHED_VIEWS, watch)?;
+    let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
+    let usual: Vec<Camera> = CameraStatistics::of(&cameras).usual(&cameras).copied().collect();
+    let sees_sky = |distances: &[Vec<f32>]| {
+        let places = places_of(cameras.iter().zip(distances.iter().map(Vec::as_slice)).collect());
+        is_open(open_share(&usual, &places))
+    };
+    let Matches { points, distances } = matches(views, MATCHED_VIEWS, sees_sky, watch)?;
     views.iter_mut().zip(distances).for_each(|(view, distances)| view.distances = distances);
     Some(points)
 }
@@ -35,19 +44,26 @@ const SHOWN: usize = 200_000;
 /// Places of what `views` show, in the dataset's space, by their known distances: of pixels in equal steps, so that there are the
 /// more of a surface, the more of the pictures it fills.
 pub fn shown(views: &[Photograph]) -> Vec<DVec3> {
-    let pixels: usize = views.iter().map(|view| view.distances.len()).sum();
-    let stride = (pixels as f64 / SHOWN as f64).sqrt().ceil().max(1.0) as usize;
-    let of_view = |view: &Photograph| -> Vec<DVec3> {
-        let Camera { width, height, .. } = view.camera;
-        let rows = (stride as u32 / 2..height).step_by(stride);
-        let places = rows.flat_map(|row| (stride as u32 / 2..width).step_by(stride).map(move |column| (column, row)));
-        let place = |(column, row): (u32, u32)| {
-            let distance = f64::from(*view.distances.get((row * width + column) as usize)?);
-            (distance > 0.0).then(|| view.camera.ray(column, row).map(|ray| ray.at(distance)))?
-        };
-        places.filter_map(place).collect()
-    };
-    views.par_iter().filter(|view| !view.distances.is_empty()).flat_map_iter(of_view).collect()
+    places_of(views.iter().map(|view| (&view.camera, view.distances.as_slice())).collect())
+}
+
+/// Places that `pictures` show, cameras with the distances of their pixels, in equal steps of pixels.
+fn places_of(pictures: Vec<(&Camera, &[f32])>) -> Vec<DVec3> {
+    let pixels: usize = pictures.iter().map(|(_, distances)| distances.len()).sum();
+    let stride = (pixels as f64 / SHOWN as f64).sqrt().ceil().max(1.0) as u32;
+    let of_picture = |(camera, distances)| known_places(camera, distances, stride).map(|(_, place)| place);
+    pictures.into_par_iter().flat_map_iter(of_picture).collect()
+}
+
+/// The pixels (column, row) of `camera` in steps of `stride` whose distance is known, and the places that they show.
+pub(super) fn known_places(camera: &Camera, distances: &[f32], stride: u32) -> impl Iterator<Item = ([u32; 2], DVec3)> {
+    let Camera { width, height, .. } = *camera;
+    let steps = move |count: u32| (stride / 2..count).step_by(stride as usize);
+    let pixels = steps(height).flat_map(move |row| steps(width).map(move |column| [column, row]));
+    pixels.filter_map(move |[column, row]| {
+        let distance = f64::from(*distances.get((row * width + column) as usize)?);
+        (distance > 0.0).then(|| camera.ray(column, row).map(|ray| ([column, row], ray.at(distance))))?
+    })
 }
 
 /// \[view\] the share of its pixels with a known distance; `None` of a view in which none was looked for.

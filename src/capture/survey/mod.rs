@@ -7,7 +7,6 @@
 
 mod footprint;
 mod kind;
-mod open_rays;
 mod telling;
 
 pub use kind::{Classified, Kind};
@@ -19,25 +18,16 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::prior::{
-    BuildError, CameraBounds, CameraStatistics, SPARSE_OUTLIERS, VoxelBoxes, cells_around, central_box, points_in,
-    quantile, ray_range, ray_range_of_surroundings, tracked_places,
+    BuildError, CameraBounds, CameraStatistics, SPARSE_OUTLIERS, VoxelBoxes, box_of_places, cells_around, central_box,
+    is_open, open_share, points_in, quantile, ray_range, ray_range_of_surroundings, tracked_places, with_margin,
 };
 use strivec_format::digits::plural;
 use strivec_format::geometry::{Aabb, Camera};
 
 /// The share of one part of the evidence that must lie where another has the scene.
 const AGREEING: f64 = 0.2;
-/// Places that photographs show that are enough to contradict the dataset's files.
-const ENOUGH_SHOWN: usize = 500;
-/// The central share of them, along each axis, that stands for all.
-const SHOWN: f64 = 0.98;
-/// The margin around their box, as a share of its size, beyond which they do not count in a bounded scene.
-const SHOWN_MARGIN: f64 = 0.25;
 /// How many times longer than the inner box the box of what photographs show is in an unbounded scene.
 const WIDE: f64 = 3.0;
-/// The share of the photographs' rays that pass all that is known from which on a scene is unbounded: 2 to 8 % of captures in rooms, 15 to
-/// 42 % of those that see a sky or the end of a table (docs/experiments/2026-11-30-captures.md).
-const OPEN: f64 = 0.1;
 /// The share of the photographs' pixels with a known distance below which what the others show may be anywhere.
 const ENOUGH_KNOWN: f64 = 0.5;
 /// The share of the pixels with a known distance of a median photograph from which on photographs match, and the part of it below
@@ -247,9 +237,7 @@ pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
     remarks.extend(unmatched(evidence.known_shares).map(|numbers| Remark::Unmatched { numbers, name: None }));
     let usual: Vec<Camera> = statistics.usual(cameras).copied().collect();
     let places = evidence.shown;
-    let box_of =
-        |places: &[DVec3]| (places.len() >= ENOUGH_SHOWN).then(|| central_box(places, SHOWN)).filter(Aabb::is_solid);
-    let shown = box_of(places);
+    let shown = box_of_places(places);
     let [points, all_points] = points_of(evidence, &usual, shown.as_ref(), &mut remarks)?;
     let bounds = evidence.bounds.filter(|bounds| {
         let share = match (&shown, &points) {
@@ -272,14 +260,12 @@ pub fn survey(evidence: &Evidence<'_>) -> Result<Survey, SurveyError> {
         _ => places.into(),
     };
     let inner_box = inner_box(&statistics, cameras, &places);
-    let width =
-        shown.or_else(|| box_of(&places)).map(|shown| shown.size().max_element() / inner_box.size().max_element());
+    let width = shown
+        .or_else(|| box_of_places(&places))
+        .map(|shown| shown.size().max_element() / inner_box.size().max_element());
     let known_share = shown.map(|_| mean(evidence.known_shares.iter().flatten()));
-    let within = shown.map(|shown| shown.grown(SHOWN_MARGIN * shown.size()));
-    let open_share = within.and_then(|within| {
-        let near: Vec<DVec3> = evidence.shown.iter().copied().filter(|&at| within.contains(at)).collect();
-        Some(open_rays::open_share(&usual, &cells_around(&near)?))
-    });
+    let within = shown.as_ref().map(with_margin);
+    let open_share = open_share(&usual, evidence.shown);
     let is_wide = is_opaque && (width.is_some_and(|times| times > WIDE) || is_open(open_share));
     let surfaces = within.map_or_else(Vec::new, |within| {
         let centers = points.iter().flat_map(VoxelBoxes::boxes).map(|cell| cell.center());
@@ -363,10 +349,6 @@ fn unmatched(known_shares: &[Option<f64>]) -> Option<Vec<usize>> {
     let is_unmatched = |share: f64| median >= MATCHING && share < UNMATCHED * median;
     let numbers: Vec<usize> = (0..known_shares.len()).filter(|&n| known_shares[n].is_some_and(is_unmatched)).collect();
     (!numbers.is_empty()).then_some(numbers)
-}
-
-fn is_open(open_share: Option<f64>) -> bool {
-    open_share.is_some_and(|share| share > OPEN)
 }
 
 fn mean<'a>(values: impl Iterator<Item = &'a f64> + Clone) -> f64 {

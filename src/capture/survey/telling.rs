@@ -8,7 +8,8 @@ use strivec_format::OptionName;
 use strivec_format::digits::rounded;
 use strivec_format::geometry::Aabb;
 
-use super::{Basis, OPEN, Survey, WIDE};
+use super::{Basis, Survey, WIDE};
+use crate::prior::OPEN;
 
 /// The parts of a survey that settings have said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -91,7 +91,8 @@ impl Flat {
         let axes = shot.camera.world_from_camera * DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
         let normal = axes.transpose() * self.normal / (self.offset - self.normal.dot(shot.camera.position));
         let [fx, fy] = shot.camera.focal;
-        Plane { inverse: normal.dot(direction(&shot.camera, middle)), slope: DVec2::new(normal.x / fx, normal.y / fy) }
+        let (inverse, slope) = (normal.dot(direction(&shot.camera, middle)), DVec2::new(normal.x / fx, normal.y / fy));
+        Plane { inverse, slope, may_be_anywhere: false }
     }
 }
 

@@ -1,8 +1,8 @@
 //! The planes that were found so far, as bytes: a matching goes on from them, and a whole one is not done again.
 //!
-//! `strivec planes 3`, the stage, then two lists of the photographs' planes: those that the stage begins with and those
+//! `strivec planes 4`, the stage, then two lists of the photographs' planes: those that the stage begins with and those
 //! that it has found. Of a photograph: the number of its planes, or all bits set if it is not searched yet, and for each
-//! its patch, 1/depth and slopes, 4 bytes each. Last the CRC-32 of all bytes before it.
+//! its patch, whose highest bit is set if the plane may be anywhere, 1/depth and slopes, 4 bytes each. Last the CRC-32 of all bytes before it.
 
 use glam::DVec2;
 use twox_hash::XxHash3_128;
@@ -10,9 +10,11 @@ use twox_hash::XxHash3_128;
 use super::plane::Plane;
 use super::shot::{PlaneMap, StereoShot};
 
-const MAGIC: &[u8] = b"strivec planes 3\n";
+const MAGIC: &[u8] = b"strivec planes 4\n";
 /// The number of planes of a photograph that is not searched yet.
 const UNSEARCHED: u32 = u32::MAX;
+/// The bit of a plane's patch that says that it may be anywhere.
+const ANYWHERE: u32 = 1 << 31;
 /// Bytes of a plane.
 const PLANE: usize = 16;
 
@@ -65,7 +67,7 @@ impl Kept {
             let planes = map.iter().enumerate().filter_map(|(n, plane)| Some((n, (*plane)?)));
             bytes.extend((planes.clone().count() as u32).to_le_bytes());
             for (n, plane) in planes {
-                bytes.extend((n as u32).to_le_bytes());
+                bytes.extend((n as u32 | if plane.may_be_anywhere { ANYWHERE } else { 0 }).to_le_bytes());
                 let numbers = [plane.inverse, plane.slope.x, plane.slope.y];
                 numbers.iter().for_each(|&number| bytes.extend((number as f32).to_le_bytes()));
             }
@@ -105,9 +107,13 @@ fn map_from(rest: &mut &[u8], patches: usize) -> Option<Option<PlaneMap>> {
     for plane in planes.as_chunks::<PLANE>().0 {
         let words = plane.as_chunks::<4>().0;
         let [inverse, x, y] = [1, 2, 3].map(|n| f64::from(f32::from_le_bytes(words[n])));
-        let place = map.get_mut(u32::from_le_bytes(words[0]) as usize)?;
-        *place = (inverse > 0.0 && inverse.is_finite() && (x + y).is_finite())
-            .then_some(Plane { inverse, slope: DVec2::new(x, y) });
+        let patch = u32::from_le_bytes(words[0]);
+        let place = map.get_mut((patch & !ANYWHERE) as usize)?;
+        *place = (inverse > 0.0 && inverse.is_finite() && (x + y).is_finite()).then_some(Plane {
+            inverse,
+            slope: DVec2::new(x, y),
+            may_be_anywhere: patch & ANYWHERE != 0,
+        });
     }
     Some(Some(map))
 }
@@ -118,7 +124,8 @@ mod tests {
 
     #[test]
     fn bytes_hold_a_state_and_others_are_refused() {
-        let plane = |inverse: f64| Some(Plane { inverse, slope: DVec2::new(0.5, -0.25) });
+        let plane =
+            |inverse: f64| Some(Plane { inverse, slope: DVec2::new(0.5, -0.25), may_be_anywhere: inverse > 3.0 });
         let patches = [3, 2];
         let kept = Kept {
             stage: Stage::Grow,

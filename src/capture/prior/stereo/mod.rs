@@ -82,8 +82,14 @@ pub(super) struct Matches {
 }
 
 /// The surfaces that `views` show; there may be none. Of more than `most` views, so many are searched. They may be far
-/// away; distances are known only where photographs resolve them well. `None` if `watch` stops it.
-pub(super) fn matches(views: &[Photograph], most: usize, watch: &mut dyn MatchWatch) -> Option<Matches> {
+/// away; distances are known only where photographs resolve them well. If `sees_sky` says so of the \[view\] distances without them,
+/// planes that may be anywhere are left out. `None` if `watch` stops it.
+pub(super) fn matches(
+    views: &[Photograph],
+    most: usize,
+    sees_sky: impl Fn(&[Vec<f32>]) -> bool,
+    watch: &mut dyn MatchWatch,
+) -> Option<Matches> {
     let cameras: Vec<Camera> = views.par_iter().map(|view| StereoShot::camera_of(&view.camera)).collect();
     let bounds = CameraBounds::from_cameras(cameras.iter());
     let distance = 2.0 * bounds.near;
@@ -103,10 +109,18 @@ pub(super) fn matches(views: &[Photograph], most: usize, watch: &mut dyn MatchWa
     let maps = planes(&searches, &Kept::name(shots.values()), watch)?;
     let compared: Vec<Vec<usize>> =
         compared.iter().map(|others| others.iter().filter_map(|m| chosen.binary_search(m).ok()).collect()).collect();
-    let maps = completed(&searches, maps, &compared);
-    let distances = distances(views, &chosen, &searches, &maps);
-    let points = searches.iter().zip(&maps).flat_map(|(search, map)| search.shot.points(map)).collect();
-    Some(Matches { points, distances })
+    let completed = |maps: Vec<PlaneMap>| {
+        let maps = completed(&searches, maps, &compared);
+        let distances = distances(views, &chosen, &searches, &maps);
+        let points = searches.iter().zip(&maps).flat_map(|(search, map)| search.shot.points(map)).collect();
+        Matches { points, distances }
+    };
+    let certain: Vec<PlaneMap> = maps.iter().map(certain).collect();
+    if certain == maps {
+        return Some(completed(maps));
+    }
+    let found = completed((0..searches.len()).into_par_iter().map(|n| agreed(&searches, &certain, n)).collect());
+    Some(if sees_sky(&found.distances) { found } else { completed(maps) })
 }
 
 /// \[view\] the distances along the rays of the pixels, by the planes of those that are \[search\] `chosen`.
@@ -211,6 +225,11 @@ fn neighbors(cameras: &[Camera], n: usize, distance: f64) -> Vec<usize> {
     found
 }
 
+/// The planes but for those that may be anywhere.
+fn certain(map: &PlaneMap) -> PlaneMap {
+    map.iter().map(|plane| plane.filter(|plane| !plane.may_be_anywhere)).collect()
+}
+
 /// The planes of photograph `n` that the planes of others agree with.
 fn agreed(searches: &[DepthSearch<'_>], maps: &[PlaneMap], n: usize) -> PlaneMap {
     let (shot, tolerance) = (searches[n].shot, searches[n].tolerance());
@@ -281,7 +300,7 @@ mod tests {
                 Photograph::new(n.to_string(), camera, Pixels::opaque(gray))
             })
             .collect();
-        let Matches { distances, .. } = matches(&views, 100, &mut ()).unwrap();
+        let Matches { distances, .. } = matches(&views, 100, |_| true, &mut ()).unwrap();
         let mut counts = [[0; 3]; 2];
         for (view, distances) in views.iter().zip(&distances) {
             for (ray, &distance) in view.camera.rays(0..96).map(|ray| ray.unwrap()).zip(distances) {
@@ -304,6 +323,35 @@ mod tests {
         for [all, known, right] in counts {
             assert!(3 * known > 2 * all && 10 * right > 8 * known, "{counts:?}");
         }
+    }
+
+    #[test]
+    fn planes_of_an_even_change_of_brightness_may_be_anywhere() {
+        let random = Random::new(7, "texture");
+        // A wall 3 ahead, with texture on one side.
+        let color = |at: DVec3| match at.y < 0.0 {
+            true => texture(&random, 12.0 * at.y, 12.0 * at.z),
+            false => 0.1 + 0.2 * at.y as f32,
+        };
+        let view = |n: i32| {
+            let position = DVec3::new(0.0, 0.6 * f64::from(n - 2), 0.1 * f64::from(n % 2));
+            let camera = Camera::looking_at([320, 96], 110.0, position, position + DVec3::X, DVec3::Z);
+            let rays = camera.rays(0..96).map(|ray| ray.unwrap());
+            let gray = rays.map(|ray| [color(ray.at((3.0 - ray.origin.x) / ray.direction.x)); 3]);
+            StereoShot::new(&Photograph::new(n.to_string(), camera, Pixels::opaque(gray)))
+        };
+        let shots: Vec<StereoShot> = (0..5).map(view).collect();
+        let search = DepthSearch::new(&shots[2], [0, 1, 3, 4].into_iter().map(|n| &shots[n]), 3.0, [1.0, 30.0]);
+        let [mut textured, mut even] = [[0, 0]; 2];
+        for (patch, plane) in search.grow(&search.sweep()).iter().enumerate() {
+            let Some(plane) = plane else { continue };
+            let y = shots[2].place(patch, plane.depth()).y;
+            let counts = if y < 0.0 { &mut textured } else { &mut even };
+            counts[usize::from(plane.may_be_anywhere)] += i32::from(y.abs() > 0.3);
+        }
+        assert!(textured[0] > 100 && 20 * textured[1] < textured[0], "{textured:?}");
+        // Steps of 8 bits differ elsewhere.
+        assert!(even[1] > 300, "{even:?}");
     }
 
     #[test]
@@ -342,7 +390,7 @@ mod tests {
                 Photograph::new(n.to_string(), camera, Pixels::opaque(gray))
             })
             .collect();
-        let Matches { distances, .. } = matches(&views, 100, &mut ()).unwrap();
+        let Matches { distances, .. } = matches(&views, 100, |_| true, &mut ()).unwrap();
         let [mut even, mut known, mut right, mut hole, mut wrong] = [0; 5];
         for ((n, view), distances) in (0..).zip(&views).zip(&distances) {
             for (ray, &distance) in view.camera.rays(0..96).map(|ray| ray.unwrap()).zip(distances) {
@@ -385,7 +433,7 @@ mod tests {
 
     fn assert_found(lens: Lens) {
         let views = views(lens);
-        let Matches { points, distances } = matches(&views, 100, &mut ()).unwrap();
+        let Matches { points, distances } = matches(&views, 100, |_| true, &mut ()).unwrap();
         let off = |point: &DVec3| (point.length() - 1.0).abs().min((point.x + 2.0).abs());
         let wrong = points.iter().filter(|point| off(point) > 0.12).count();
         let on_wall = points.iter().filter(|point| point.x < -1.9).count();
@@ -431,8 +479,8 @@ mod tests {
         let mut views = views(Lens::PINHOLE);
         let position = views[0].camera.position;
         views.iter_mut().for_each(|view| view.camera.position = position);
-        assert_eq!(matches(&views, 100, &mut ()).unwrap().points, []);
-        assert_eq!(matches(&views[..1], 100, &mut ()).unwrap().points, []);
-        assert_eq!(matches(&[], 100, &mut ()).unwrap().points, []);
+        assert_eq!(matches(&views, 100, |_| true, &mut ()).unwrap().points, []);
+        assert_eq!(matches(&views[..1], 100, |_| true, &mut ()).unwrap().points, []);
+        assert_eq!(matches(&[], 100, |_| true, &mut ()).unwrap().points, []);
     }
 }

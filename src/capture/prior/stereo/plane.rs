@@ -11,6 +11,8 @@ pub(super) struct Plane {
     pub(super) inverse: f64,
     /// The change of 1/depth per pixel along columns and rows.
     pub(super) slope: DVec2,
+    /// Patches look as similar elsewhere on their rays: it may be anywhere.
+    pub(super) may_be_anywhere: bool,
 }
 
 impl Plane {
@@ -21,7 +23,7 @@ impl Plane {
 
     /// This plane in the precision in which planes are kept.
     pub(super) fn rounded(self) -> Self {
-        Self { inverse: f64::from(self.inverse as f32), slope: self.slope.as_vec2().as_dvec2() }
+        Self { inverse: f64::from(self.inverse as f32), slope: self.slope.as_vec2().as_dvec2(), ..self }
     }
 
     /// The depth in the middle of the patch.

@@ -25,9 +25,9 @@ const GROWN_SIMILARITY: f32 = 0.6;
 const UNIQUE: f32 = 0.08;
 /// The widest peak, in depths from its top to either side.
 const WIDEST: usize = 8;
-/// Pixels of another photograph from where a grown plane is seen to where it must look different on one side at least, and the least
-/// difference in similarity. The even change of a sky's brightness looks the same everywhere: 15 % of a synthetic one are matched,
-/// 33 % without this (docs/experiments/2026-11-30-captures.md).
+/// Pixels of another photograph from where a grown plane is seen to where it looks different on one side at least, unless it may be
+/// anywhere, and the least difference in similarity. The even change of a sky's brightness looks the same everywhere: 15 % of a
+/// synthetic one are matched but for such planes, 33 % with them (docs/experiments/2026-11-30-captures.md).
 const ELSEWHERE: f64 = 32.0;
 const SAME: f32 = 0.02;
 /// The difference in pixels of another photograph that is below the resolution of the photographs.
@@ -111,7 +111,8 @@ impl<'a> DepthSearch<'a> {
         let count = (self.pixels as usize).clamp(16, MAX_DEPTHS);
         let plane = |place: f64| {
             let share = place / (count - 1) as f64;
-            Plane { inverse: self.range[0] + share * (self.range[1] - self.range[0]), slope: DVec2::ZERO }
+            let inverse = self.range[0] + share * (self.range[1] - self.range[0]);
+            Plane { inverse, slope: DVec2::ZERO, may_be_anywhere: false }
         };
         let best = SWEPT_BEST.min(self.pairs.len());
         let mut profile = vec![0.0; count];
@@ -178,7 +179,7 @@ impl<'a> DepthSearch<'a> {
             for (inverse, slope) in
                 steps.into_iter().flat_map(|(inverse, slope)| [(inverse, slope), (-inverse, -slope)])
             {
-                let plane = Plane { inverse: best.0.inverse + inverse, slope: best.0.slope + slope };
+                let plane = Plane { inverse: best.0.inverse + inverse, slope: best.0.slope + slope, ..best.0 };
                 let found = similarity(plane);
                 if found > best.1 {
                     best = (plane, found);
@@ -192,11 +193,9 @@ impl<'a> DepthSearch<'a> {
             let inverse = best.0.inverse + sign * ELSEWHERE * self.pixel();
             similarity(Plane { inverse, ..best.0 })
         });
-        let is_everywhere = elsewhere[0].min(elsewhere[1]) > best.1 - SAME;
-        if !is_everywhere {
-            grown.found[n] = Some(best);
-            grown.queue.push((best.1.to_bits(), n));
-        }
+        best.0.may_be_anywhere = elsewhere[0].min(elsewhere[1]) > best.1 - SAME;
+        grown.found[n] = Some(best);
+        grown.queue.push((best.1.to_bits(), n));
     }
 }
 
