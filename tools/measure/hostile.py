@@ -6,8 +6,8 @@
 Each command must end within 5 s and 500 MB, refused or right, not by a signal; if one does not, this ends with 1. FOLDER takes the
 inputs, which are made here: scenes of expensive.py whose tensors overlap or whose rays are long, files of other programs, endless
 files. --scenes adds scene files. With --python, an interpreter with the package, attacks on it follow, each in a process of its own:
-0 says that the attack failed. With --player, for which there must be a display, the player opens the first scene and an endless
-answer of a server. Needs zstandard and /usr/bin/time; attacks by the links of a web page also aiohttp.
+0 says that the attack failed. With --player, for which there must be a display, the player opens the first scene, those of
+--scenes and an endless answer of a server. Needs zstandard and /usr/bin/time; attacks by the links of a web page also aiohttp.
 """
 
 import argparse
@@ -308,15 +308,19 @@ ATTACKS = {attack.__name__: attack for attack in (keys_of_objects, links_of_page
 
 
 def player(program, address):
-    """The row of the player that opens `address` and is ended after the time that a command has."""
-    process = subprocess.Popen([program, address], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    time.sleep(SECONDS - 0.5)
-    status = Path(f"/proc/{process.pid}/status").read_text()
-    peak = int(next(line for line in status.splitlines() if line.startswith("VmHWM")).split()[1]) / 1024
-    code = process.poll()
+    """The row of the player that opens `address`: it ends by itself, or is ended after the time that a command has."""
+    process = subprocess.Popen([program, address], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    start = time.monotonic()
+    peak = 0.0
+    while time.monotonic() - start < SECONDS - 0.5 and process.poll() is None:
+        status = Path(f"/proc/{process.pid}/status").read_text()
+        peaks = (line for line in status.splitlines() if line.startswith("VmHWM"))
+        peak = max([peak, *(int(line.split()[1]) / 1024 for line in peaks)])
+        time.sleep(0.02)
+    seconds, code = time.monotonic() - start, process.poll()
     process.kill()
-    process.wait()
-    return code, "is shown, and ended here", SECONDS - 0.5, peak
+    messages = process.communicate()[1].strip().splitlines() if code is not None else []
+    return code, messages[-1] if messages else "is shown, and ended here", seconds, peak
 
 
 def main():
@@ -344,8 +348,9 @@ def main():
     for name, attack in ATTACKS.items() if arguments.python else ():
         result = run([arguments.python, __file__, folder / name, "--attack", name])
         table.add(attack.__doc__, *result, codes=[0])
-    for address in (folder / "overlap-2^18.strivec", f"{served()}/endless.strivec") if arguments.player else ():
-        table.add(f"`strivec-player {address}`", *player(arguments.programs / "strivec-player", str(address)), codes=[None])
+    opened = [folder / "overlap-2^18.strivec", *arguments.scenes, f"{served()}/endless.strivec"]
+    for address in opened if arguments.player else ():
+        table.add(f"`strivec-player {address}`", *player(arguments.programs / "strivec-player", str(address)), codes=[None, 3, 5])
     sys.exit(not table.is_right)
 
 
