@@ -24,8 +24,8 @@ const MATCHED_VIEWS: usize = 200;
 /// many photographs, some are compared with all. Returns the points, in the dataset's space, which may be far away; `None`
 /// if `watch` stops it.
 ///
-/// What looks the same at other depths, too, is a wall if nearly all rays meet something that is known without it; if many pass
-/// all of it, it may be a sky, and is left out.
+/// Planes that match as well at other depths may be those of a sky. They are left out if many rays of the photographs meet no other
+/// matched surface.
 pub fn match_points(views: &mut [Photograph], watch: &mut dyn MatchWatch) -> Option<Vec<DVec3>> {
     let cameras: Vec<Camera> = views.iter().map(|view| view.camera).collect();
     let usual: Vec<Camera> = CameraStatistics::of(&cameras).usual(&cameras).copied().collect();
